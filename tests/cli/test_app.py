@@ -205,7 +205,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "no such file": (["run", "nowhere.toml"], "nowhere.toml: no such file"),
     "unknown parameter": (["run", "rocking_toy", "--set", "Q=1"], "'Q'"),
     "no value": (["run", "rocking_toy", "--set", "P"], "Write it like --set P=1.2"),
-    "no name": (["run", "rocking_toy", "--set", "=1"], "Write it like --set P=1.2"),
+    "is missing": (["run", "rocking_toy", "--set", "=1"], "Write it like --set P=1.2"),
     "twice": (["run", "rocking_toy", "--set", "P=1", "--set", "P=2"], "given twice"),
     "no number": (["run", "rocking_toy", "--set", "P=much"], "parameters.P"),
     "out of range": (["run", "rocking_toy", "--set", "rho=-1"], "(0, inf)"),
@@ -312,7 +312,7 @@ def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stickslip.cli.common.present.watched", impatient)
     result = stickslip("run", "belt_block", "--until", "1000")
     assert result.exit_code == 130
-    assert "interrupted; what was computed is in " in result.stderr
+    assert "interrupted; the results so far are in " in result.stderr
     stored = ss.open("out/belt_block/trajectory.nc")
     assert stored.outcome is ss.Outcome.INTERRUPTED
     assert stored.certificate.lawful
@@ -339,9 +339,7 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setattr(Trajectory, "save", fail)
     result = stickslip("run", "belt_block", "--until", "5")
     assert result.exit_code == 70
-    assert (
-        result.stderr == "stickslip: a mistake of ours, please report it (RuntimeError: broken)\n"
-    )
+    assert result.stderr == "stickslip: internal error; please report it (RuntimeError: broken)\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -441,7 +439,7 @@ def test_laws_that_are_wrong() -> None:
 
 def test_warmup_says_where_machine_code_is_kept(tmp_path: Path) -> None:
     said = stickslip("warmup")
-    assert said.exit_code == 0 and "machine code of systems is kept in" in said.stdout
+    assert said.exit_code == 0 and "machine code of systems is stored in" in said.stdout
 
 
 def test_shells_can_be_told_the_systems() -> None:

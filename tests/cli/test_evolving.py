@@ -249,7 +249,7 @@ def test_ctrl_c_keeps_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
     result = stickslip("evolve", "small.toml")
     assert result.exit_code == 130
-    assert "interrupted; what was computed is in " in result.stderr
+    assert "interrupted; the results so far are in " in result.stderr
     assert 0.0 < History.open("out/small/evolution.nc").dataset["step_time"][-1] < 2.0
 
 
@@ -284,7 +284,7 @@ L1 = 'dissipation = {kind = "weighted l1", weights = ["rho(s)", "rho(s + 0.5)"],
 MATRIX = 'A = [[2, "r"], ["r", 1]]'
 BAD: dict[str, tuple[str, str, list[str]]] = {
     "no TOML": ('name = "small"', "name = ", ["not valid TOML", "line 2"]),
-    "no name": ('name = "small"', 'title = "small"', ["name", "missing"]),
+    "is missing": ('name = "small"', 'title = "small"', ["name", "missing"]),
     "a number as name": ('name = "small"', "name = 3", ["name", "expected a string"]),
     "unknown key": ("epsilon =", "epsilom =", ["epsilom", "Did you mean 'epsilon'?"]),
     "a system": (

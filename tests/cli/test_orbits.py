@@ -128,9 +128,9 @@ def test_basin(tmp_path: Path) -> None:
         (["branch", "spring_slider", "--over", "W=0.1:0.2"], "W"),
         (
             ["branch", "spring_slider", "--over", "V=0.1:0.2", "--over", "nu=0.1:0.2"],
-            "A branch has one",
+            "Give one parameter",
         ),
-        (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "A map needs two"),
+        (["basin", "rocking_toy", "--over", "psi=-1:1:5"], "Give two, each with"),
         (
             ["basin", "rocking_toy", "--over", "psi=-1:1:5.5", "--over", "d_psi=-1:1:5"],
             "whole number",
@@ -286,9 +286,9 @@ def test_a_response_finds_the_frequency_of_the_drive(tmp_path: Path) -> None:
     [
         (("--over", "omga=1:2"), "omga"),
         (("--over", "omega=1"), "not of the form omega=LOW:HIGH"),
-        (("--over", "omega=1:2", "--over", "m=1:2"), "2 parameters vary"),
+        (("--over", "omega=1:2", "--over", "m=1:2"), "2 parameters were given"),
         (("--over", "omega=1:2", "--level", "G=1"), "levels.G"),
-        (("--over", "k=1:2"), "whatever it is, the drives have the period"),
+        (("--over", "k=1:2"), "it does not change the period of the drives"),
     ],
 )
 def test_a_response_that_makes_no_sense_is_refused(given: tuple[str, ...], message: str) -> None:

@@ -138,7 +138,7 @@ def test_the_span_is_that_of_the_samples_unless_it_is_given(folder: Path) -> Non
         lines = " ".join(found.output.split())
         words = f"record 'a' runs to {end:g} s, the motion ends at 3 s"
         assert lines.count(words) == 2 and f"warning: {words}" in found.stderr
-    assert "--until: the time span begins at 0, and would end at 0. Let it" in refused(
+    assert "--until: the time span begins at 0, and would end at 0. Choose" in refused(
         *run, "--until", "0"
     )
 
@@ -209,9 +209,9 @@ def test_several_components(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("load", "more", "said"),
     [
-        ("ell**2", [], "load: the measured drive 'ell' is not only multiplied by a number"),
-        ("t*ell", [], "load: the measured drive 'ell' is not only multiplied by a number"),
-        ("heaviside(ell)", [], "load: the measured drive 'ell' is not only multiplied by a number"),
+        ("ell**2", [], "load: the measured drive 'ell' may only be multiplied by a number"),
+        ("t*ell", [], "load: the measured drive 'ell' may only be multiplied by a number"),
+        ("heaviside(ell)", [], "load: the measured drive 'ell' may only be multiplied by a number"),
         ("d_ell", [], "'d_ell' is not allowed here. A measured drive has no rate here"),
         ("ell", ["--until", "7"], "--until: the samples cover 0 ... 5, the time span is 0 ... 7"),
         ("ell", ["--set", "ell=no.csv"], "no.csv: no such file"),

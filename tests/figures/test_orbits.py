@@ -139,7 +139,7 @@ def test_phase_portrait_with_inertia() -> None:
 def test_phase_portrait_needs_a_plane() -> None:
     with pytest.raises(DeclarationError, match="no phase plane"):
         plot_phase_portrait(catalogue.rocking_toy(), {"psi": (-1.0, 1.0), "d_psi": (-1.0, 1.0)})
-    with pytest.raises(DeclarationError, match="needs ranges of U, alpha"):
+    with pytest.raises(DeclarationError, match="the ranges of U, alpha are missing"):
         plot_phase_portrait(SLIDER, {"U": (0.0, 1.0)})
 
 
@@ -155,7 +155,7 @@ def test_basin_map() -> None:
     (mesh,) = axes.collections
     assert np.array_equal(np.asarray(mesh.get_array()).reshape(5, 7), found["attractor"].values.T)
     assert axes.get_xlabel() == r"$\psi$  [$\mathrm{rad}$]"
-    with pytest.raises(DeclarationError, match="A picture needs two"):
+    with pytest.raises(DeclarationError, match="Select two"):
         plot_basin(found.isel(psi=0))
 
 

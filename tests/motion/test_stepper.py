@@ -210,7 +210,7 @@ def test_a_motion_that_ends_is_named_and_kept() -> None:
 @pytest.mark.parametrize(
     ("made", "reason"),
     [
-        (lambda s: ss.Stepper(s, inputs=["G"]), "neither a parameter nor a drive"),
+        (lambda s: ss.Stepper(s, inputs=["G"]), "is not a parameter or a drive"),
         (lambda s: ss.Stepper(s, interpolation=CUBIC), "interpolation"),
         (lambda s: ss.Stepper(s, initial={"z": 1.0}), "z"),
         (lambda s: ss.Stepper(s, time=math.inf), "time"),

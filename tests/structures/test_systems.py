@@ -538,7 +538,7 @@ def test_whatever_starts_somewhere_starts_at_unknowns() -> None:
     np.testing.assert_allclose(found["high:u[tip]"], again["high:u[tip]"], rtol=1e-9)
     with pytest.raises(ss.DeclarationError, match=r"u\[9\].*no such degree of freedom"):
         ss.sweep(system, {"F": [1.0, 2.0]}, ["period"], initial={"u[9]": 1.0})
-    with pytest.raises(ss.DeclarationError, match="u_mode_1: it varies along an axis"):
+    with pytest.raises(ss.DeclarationError, match="u_mode_1: it already varies along an axis"):
         ss.sweep(system, {"u_mode_1": [1.0, 2.0]}, ["period"], initial={"u[1]": 1.0})
 
 

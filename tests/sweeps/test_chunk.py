@@ -133,7 +133,7 @@ def test_limits_are_kept() -> None:
         ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
         ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
         ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),
-        ({}, {"Q": [1.0]}, ("speed",), "no such parameter"),
+        ({}, {"Q": [1.0]}, ("speed",), "unknown parameter"),
         ({}, {"P": [np.nan]}, ("speed",), "finite"),
         ({"psi": [0.1, 0.2]}, {"P": [1.0, 1.1, 1.2]}, ("speed",), "different lengths"),
         ({"phi": [0.1]}, {}, ("speed",), "not a part of the state"),

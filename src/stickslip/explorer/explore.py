@@ -89,7 +89,7 @@ def listening_explorer(
         version("bokeh")
     except ImportError:
         raise StickslipError(
-            "the explorer needs bokeh. Install it with: pip install 'stickslip[explorer]'"
+            "the explorer requires bokeh. Install it with: pip install 'stickslip[explorer]'"
         ) from None
     given, start = _start(system)
     place = Listening(host, port, names, given, start, most_pages)

@@ -88,14 +88,14 @@ def export(
         case ".wav":
             motion = motion_in(result, "result")
             if len(quantities) != 1:
-                reason = f"a sound is of one, not of {len(quantities)}"
-                raise DeclarationError("quantities", reason, "Name one, like 'x'")
+                reason = f"a sound is made of one quantity, but {len(quantities)} were given"
+                raise DeclarationError("quantities", reason, "Give one, like 'x'")
             write_wav(sound_of(motion, quantities[0], rate, seconds), rate, path)
         case ".fmu" | ".py":
-            reason = f"'{ending}' is written of a system, and this is {named(result.KIND)}"
+            reason = f"'{ending}' is the format of a system, but this is {named(result.KIND)}"
             raise DeclarationError("path", reason, "Export the system")
         case _:
-            reason = f"'{short(ending)}' is not the ending of a file that can be written"
+            reason = f"unknown file format '{short(ending)}'"
             raise DeclarationError("path", reason, "Use .csv, .parquet or .wav")
 
 
@@ -110,13 +110,13 @@ def _export_system(
         case ".fmu":
             write_fmu(system, path, inputs, quantities)
         case ".py" if quantities or inputs:
-            reason = "a file of Python has all of the state, and drives as they are declared"
-            raise DeclarationError("quantities" if quantities else "inputs", reason, "Leave it out")
+            reason = "a Python file always has the complete state and the declared drives"
+            raise DeclarationError("quantities" if quantities else "inputs", reason, "Remove it")
         case ".py":
             write_numpy(system, path)
         case ".csv" | ".parquet" | ".wav":
-            reason = f"'{ending}' is written of a result, and this is a system"
+            reason = f"'{ending}' is the format of a result, but this is a system"
             raise DeclarationError("path", reason, "Simulate it first, or use .fmu or .py")
         case _:
-            reason = f"'{short(ending)}' is not the ending of a file that can be written"
+            reason = f"unknown file format '{short(ending)}'"
             raise DeclarationError("path", reason, "Use .fmu or .py")

@@ -402,7 +402,7 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     speeds = {quantity(system, f"d_{x}")["units"] for x in names}
     slip, speed = (found.pop() if len(found) == 1 else None for found in (units, speeds))
     attributes = _attributes(system) | {
-        "size": described_as("sum of the slips", slip),
+        "size": described_as("total slip", slip),
         "largest_slip": described_as("largest slip of a coordinate", slip),
         "contacts": described_as("number of fast coordinates", "1"),
         "first": described_as("first coordinate to become fast", None),
@@ -602,7 +602,7 @@ def _attributes(system: System) -> dict[str, dict[str, str]]:
         "start": described_as("time", time),
         "duration": described_as("duration", time),
         "interevent": described_as("time between events", time),
-        "size": described_as("sum of the slips", slip),
+        "size": described_as("total slip", slip),
         "largest_slip": described_as("largest slip of a contact", slip),
         "contacts": described_as("number of slipping contacts", "1"),
         "first": described_as("first contact to slip", None),

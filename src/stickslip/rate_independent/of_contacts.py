@@ -68,7 +68,7 @@ def dissipation_of(
         raise DeclarationError(
             "values",
             f"the threshold of '{contact}' is {plus:g} (forward) and {minus:g} (backward) there",
-            "Give values for which it is not negative",
+            "Give values at which it is not negative",
         )
     if len(own) == 1:
         return WeightedL1([plus], [minus])
@@ -92,7 +92,7 @@ def _components(system: System, contact: str) -> list[DryContact]:
         planes = [c.name.rpartition(" ")[0] for c in system.declaration.contacts if c.plane == 1]
         raise DeclarationError(
             "contact",
-            f"there is no contact '{contact}' with friction",
+            f"unknown contact '{contact}', or a contact without friction",
             suggestion(contact, [*rubbing, *planes]),
         )
     return found

@@ -184,15 +184,17 @@ def basin(
     if known_for_a_time(system):
         raise DeclarationError(
             "basin",
-            f"the samples that drive {system.name} end, and no state reaches anything",
-            "Let the samples be periodic, or measure the motion over their span: ss.sweep",
+            f"the samples that drive {system.name} end, so no motion settles",
+            "Declare the samples periodic, or use ss.sweep to measure the motion over their span",
         )
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
     given = system.started(initial or {})
     if twice := [name for name in given if name in varying]:
-        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
+        raise DeclarationError(
+            f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"
+        )
     problem.initial_state(given)  # refuses what is none
     plan = Plan(
         system.with_parameters(**problem.parameters),
@@ -283,11 +285,13 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
             raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
-                where, "its values do not rise", "Give two or more, as in -2:2:80"
+                where,
+                "its values do not increase",
+                "Give at least two increasing values, as in -2:2:80",
             )
     if math.prod(map(len, axes)) > _MOST_STATES:
         raise DeclarationError(
-            "over", f"the section has more than {_MOST_STATES:,} states", "Give fewer values"
+            "over", f"the section has more than {_MOST_STATES:,} states", "Use fewer values"
         )
     return axes
 

@@ -137,7 +137,7 @@ class Fragility(Result):
             median, dispersion = (float(part[name]) for name in _FITTED)
             text = f"median {with_unit(median, unit, 4)}, dispersion {dispersion:.3g}"
             if not math.isfinite(median):
-                text = "no median: the shares determine none"
+                text = "the median cannot be determined from these fractions"
             fits.append((said or self.along, text))
         return rows + shortened(fits)
 
@@ -175,13 +175,13 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
     data = found.dataset
     records = record_axis(data)
     if not records:
-        reason = "no axis of the map is of records"
+        reason = "the map has no axis of records"
         raise DeclarationError("fragility", reason, "Sweep over ss.Records: {'record': records}")
     if measure not in measures_of(data):
         known = suggestion(measure, measures_of(data))
-        raise DeclarationError("measure", f"the map has no '{short(measure)}'", known)
+        raise DeclarationError("measure", f"the map has no measure '{short(measure)}'", known)
     if not math.isfinite(limit):
-        raise DeclarationError("limit", f"{limit!r} is no limit", "Give a number")
+        raise DeclarationError("limit", f"{limit!r} is not a number", "Give a number")
     along = _scale_axis(found, records, over)
     values = data[measure].load()
     there = values.notnull()
@@ -204,7 +204,10 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
         "units": str(values.attrs.get("units", "")),
         "total": int(data.sizes[records]),
     }
-    result["share"].attrs = {"units": "1", "long_name": f"share of records with {measure} > limit"}
+    result["share"].attrs = {
+        "units": "1",
+        "long_name": f"fraction of records with {measure} > limit",
+    }
     result["median"].attrs = {"units": data[along].attrs.get("units", "1")}
     computed = data["outcome"].values >= 0
     bad = (data["lacking"].values != LACKING.index("nothing")) & computed & there.values
@@ -230,8 +233,8 @@ def _scale_axis(found: Map, records: str, over: str | None) -> str:
     if over is None and len(known) == 1:
         return known[0]
     if over not in known:
-        reason = "over which axis is not clear" if over is None else f"there is no axis '{over}'"
-        remedy = f"There are {', '.join(known)}" if known else "Let a scale of the records vary"
+        reason = "the axis is ambiguous" if over is None else f"unknown axis '{over}'"
+        remedy = f"Choose from {', '.join(known)}" if known else "Vary a scale of the records"
         raise DeclarationError("over", reason, remedy)
     return over
 

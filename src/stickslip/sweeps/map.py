@@ -124,8 +124,8 @@ class Map(Result):
         done = f"{self.computed:,} of {self._codes.size:,} points are computed"
         late = int(np.count_nonzero(self._codes == Outcome.TIME_UP.code))
         if self.outcome is Completion.TIME_UP:
-            return f"{done}; {late:,} of them took longer than the time limit"
-        return done if self.outcome.ok else f"{done}; the same call goes on"
+            return f"{done}; {late:,} of them reached the time limit"
+        return done if self.outcome.ok else f"{done}; repeat the same call to resume"
 
     @cached_property
     def lacking(self) -> dict[str, int]:
@@ -200,12 +200,12 @@ class Map(Result):
         unit = str(excess.attrs["units"])
         largest = with_unit(float(np.max(excess.values.ravel()[outside])), unit, 3)
         reason = (
-            f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, so that "
-            "no motion begins there"
+            f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, and no "
+            "motion begins there"
         )
         remedy = (
-            "start where friction holds: --initial NAME=VALUE, or let it vary along, as in "
-            "--over 'P,x_R=...'"
+            "start inside the stable set with --initial NAME=VALUE, or vary the initial value "
+            "as well, as in --over 'P,x_R=...'"
         )
         return [("starts", reason), ("", remedy)]
 
@@ -361,7 +361,7 @@ class Basin(Result):
         attractors = int(np.count_nonzero(~self.dataset["certified"].values.astype(bool)))
         counts = {
             "states not certified": int(np.count_nonzero(bad)),
-            "states that reach nothing": int(np.count_nonzero(labels < 0)),
+            "states that reach no attractor": int(np.count_nonzero(labels < 0)),
             "attractors not certified": attractors,
         }
         return Certificate(tuple(Residual(name, float(n), 0.0) for name, n in counts.items()))

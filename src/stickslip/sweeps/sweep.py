@@ -246,19 +246,23 @@ def make_plan(
     for name, value in given.items():
         check_initial(system.declaration, name, value)
         if name in varied:
-            raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
+            raise DeclarationError(
+                f"initial.{name}", "it already varies along an axis", "Give it once only"
+            )
     start = {name: float(value) for name, value in given.items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
     if carry is not None and driven is not None:
-        raise DeclarationError("carry", "each record begins anew", "Leave it out")
+        raise DeclarationError(
+            "carry", "the state cannot be carried from one record to the next", "Remove it"
+        )
     if known_for_a_time(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
             raise DeclarationError(
                 "carry",
-                f"the samples that drive {system.name} end, and no motion settles",
-                "Let the samples be periodic",
+                f"the samples that drive {system.name} end, so no motion settles",
+                "Declare the samples periodic",
             )
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
@@ -272,14 +276,14 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
     if adaptive is not None:
         raise DeclarationError(
             "carry",
-            "an adaptive map leaves points out, and a point needs the one before it",
-            "Leave out the one or the other",
+            "an adaptive map omits points, but a carried point needs the previous one",
+            "Remove one of them",
         )
     if device == "gpu":
         raise DeclarationError(
             "carry",
-            "points that need each other are not worked on side by side, as a GPU would",
-            "Leave the work to the cpu",
+            "a GPU computes points in parallel, but carried points depend on each other",
+            'Use device="cpu"',
         )
 
 
@@ -287,17 +291,17 @@ def _pool(scheduler: str, workers: int | None, device: str, time_limit: float | 
     """Who does the work, checked."""
     if device == "gpu":
         if time_limit is not None:
-            reason = "a GPU follows all motions of a chunk side by side"
-            raise DeclarationError("time_limit", reason, "Limit max_time or max_events instead")
+            reason = "a GPU computes all motions of a chunk in parallel"
+            raise DeclarationError("time_limit", reason, "Set max_time or max_events instead")
         from stickslip.sweeps.work.device import check_device
 
         if scheduler != "threads":
-            reason = f"a GPU serves the threads of one process, not '{short(scheduler)}'"
-            raise DeclarationError("device", reason, "Leave the scheduler out")
+            reason = f"a GPU needs the scheduler \"threads\", not '{short(scheduler)}'"
+            raise DeclarationError("device", reason, "Remove the scheduler")
         check_device()
         return Pool(scheduler, 1 if workers is None else workers)
     if device != "cpu":
-        raise DeclarationError("device", f"there is no '{short(device)}'", "Choose cpu or gpu")
+        raise DeclarationError("device", f"unknown device '{short(device)}'", "Choose cpu or gpu")
     return Pool(scheduler, workers)
 
 

@@ -224,7 +224,7 @@ def test_dataset() -> None:
     ("names", "times", "of", "said"),
     [
         (["mu"], None, None, "unknown parameter or part of the state"),
-        (["k"], [99.0], None, "outside the computed span"),
+        (["k"], [99.0], None, "outside the computed time span"),
         (["k"], None, ["xx"], "unknown quantity"),
         (["k"], None, ["dissipated_energy"], "is an integral"),
         (["k"], None, ["abs(x)"], "kink"),

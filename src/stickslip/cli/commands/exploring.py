@@ -12,21 +12,21 @@ def explore_command(
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="A name of the catalogue, a .toml file, or what an address has behind its #.",
+            help="Name of a catalogue system, a .toml file, or the part of an address after #.",
         ),
     ] = None,
     port: Annotated[
-        int | None, typer.Option("--port", metavar="N", help="Port to listen at.", min=0, max=65535)
+        int | None, typer.Option("--port", metavar="N", help="Port to listen on.", min=0, max=65535)
     ] = None,
     host: Annotated[
-        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen at.")
+        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")
     ] = "127.0.0.1",
     allow: Annotated[
         list[str] | None,
         typer.Option(
             "--allow",
             metavar="NAME",
-            help="A name of this machine under which browsers may ask; may be repeated.",
+            help="Host name accepted in requests; may be repeated.",
         ),
     ] = None,
     browser: Annotated[
@@ -41,8 +41,8 @@ def explore_command(
     from stickslip.explorer.explore import listening_explorer
 
     explorer = listening_explorer(model, port=port, host=host, names=tuple(allow or ()))
-    typer.echo(f"The explorer is at {explorer.address}")
-    typer.echo("Ctrl-C ends it.")
+    typer.echo(f"The explorer runs at {explorer.address}")
+    typer.echo("Press Ctrl-C to stop it.")
     if browser:
         import webbrowser
 

@@ -74,7 +74,7 @@ def events_command(
     ],
     faster_than: Annotated[
         float | None,
-        typer.Option("--faster-than", metavar="RATE", help="An event is what is faster."),
+        typer.Option("--faster-than", metavar="RATE", help="Rate above which an event is counted."),
     ] = None,
     out: Out = None,
     json_: Json = False,
@@ -92,8 +92,8 @@ def events_command(
 
     motion = open_result(file)
     if not isinstance(motion, Trajectory):
-        reason = f"holds {named(motion.KIND)}, no motion"
-        raise DeclarationError(str(file), reason, "Give a file that 'stickslip run' wrote")
+        reason = f"contains {named(motion.KIND)}, not a motion"
+        raise DeclarationError(str(file), reason, "Give a file written by 'stickslip run'")
 
     def work(progress: ShowProgress) -> EventCatalogue:
         return motion.event_catalogue(faster_than=faster_than)
@@ -161,7 +161,9 @@ def branch_command(
     cycles: Annotated[
         bool,
         typer.Option(
-            "--cycle", help="Follow a cycle, as where time drives the system or its state jumps."
+            "--cycle",
+            help="Follow a cycle instead of an equilibrium; needed if the system depends on time "
+            "or its state jumps.",
         ),
     ] = False,
     time_limit: TimeLimit = None,
@@ -181,7 +183,9 @@ def branch_command(
 
     ranges = spans(over)
     if len(ranges) != 1:
-        raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A branch has one")
+        raise DeclarationError(
+            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
+        )
     parameter, (low, high) = next(iter(ranges.items()))
     start = given(initial)
     system = load_model(model, settings or [], until)
@@ -215,7 +219,7 @@ def response_command(
             "--over",
             metavar="NAME=LOW:HIGH",
             help="The frequency, such as omega=0.5:1.5.",
-            show_default="that of the drive, from 0.5 to 1.5 of its value",
+            show_default="the drive frequency, from 0.5 to 1.5 times its value",
         ),
     ] = None,
     level: Annotated[
@@ -223,7 +227,7 @@ def response_command(
         typer.Option(
             "--level",
             metavar="NAME=VALUES",
-            help="A line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
+            help="Levels, one line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
         ),
     ] = None,
     of: Annotated[
@@ -231,7 +235,8 @@ def response_command(
         typer.Option(
             "--of",
             metavar="FORMULA",
-            help="Whose response it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
+            help="Quantity of the response: a coordinate, an output, 'u[tip]' or 'u[tip] - "
+            "u[root]'.",
         ),
     ] = None,
     drive: Annotated[
@@ -239,11 +244,14 @@ def response_command(
         typer.Option(
             "--drive",
             metavar="FORMULA",
-            help="Relative to which phases are measured: a drive of the model, or a formula of t.",
+            help="Reference of the phases: a drive of the model, or a formula of t.",
         ),
     ] = None,
     points: Annotated[
-        int, typer.Option("--points", metavar="N", help="Frequencies of the sweeps up and down.")
+        int,
+        typer.Option(
+            "--points", metavar="N", help="Number of frequencies of the sweeps up and down."
+        ),
     ] = 25,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -262,7 +270,9 @@ def response_command(
 
     ranges = spans(over or [])
     if len(ranges) > 1:
-        raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A response has one")
+        raise DeclarationError(
+            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
+        )
     start = given(initial)
     system = load_model(model, settings or [])
     parameter, (low, high) = next(iter(ranges.items())) if ranges else _around_drive(system)
@@ -306,7 +316,7 @@ def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
         raise DeclarationError(
             "--over",
             said if found else "no parameter changes the frequency of a drive",
-            "Say what varies, like --over omega=0.5:1.5",
+            "Give the parameter, like --over omega=0.5:1.5",
         )
     low, high = sorted((0.5 * values[found[0]], 1.5 * values[found[0]]))
     return found[0], (low, high)
@@ -316,7 +326,7 @@ def ring_down_command(
     model: Model,
     coordinate: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose vibration it is."),
+        typer.Option("--coordinate", metavar="NAME", help="Coordinate of the vibration."),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -357,17 +367,23 @@ def ring_down_command(
 def backbone_command(
     model: Model,
     amplitudes: Annotated[
-        str, typer.Option("--amplitudes", metavar="LOW:HIGH", help="Their range, such as 0.1:10.")
+        str,
+        typer.Option(
+            "--amplitudes", metavar="LOW:HIGH", help="Range of amplitudes, such as 0.1:10."
+        ),
     ],
     coordinate: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose amplitude, such as 'u[tip]'."),
+        typer.Option(
+            "--coordinate", metavar="NAME", help="Coordinate of the amplitude, such as 'u[tip]'."
+        ),
     ] = None,
     mode: Annotated[
-        int, typer.Option("--mode", metavar="N", help="The linear mode to begin with, from 1.")
+        int, typer.Option("--mode", metavar="N", help="Linear mode to start from; 1 is the lowest.")
     ] = 1,
     points: Annotated[
-        int, typer.Option("--points", metavar="N", help="Amplitudes, in equal ratios.")
+        int,
+        typer.Option("--points", metavar="N", help="Number of amplitudes, spaced geometrically."),
     ] = 30,
     settings: ParameterOptions = None,
     time_limit: TimeLimit = None,
@@ -434,7 +450,7 @@ def basin_command(
 
     if len(over) != 2:
         raise DeclarationError(
-            "--over", f"{len(over)} initial values vary", "A map needs two, with --over each"
+            "--over", f"{len(over)} initial values were given", "Give two, each with --over"
         )
     start = given(initial)
     system = load_model(model, settings or [], until)

@@ -273,8 +273,8 @@ class Intersection(Average):
             held = self._judged(self._solved(constraints, c, Q))
         raise ConvergenceError(
             "average over the phase",
-            f"after {MOST_ROUNDS} rounds the duality gap is {least:.3g} of what is moved",
-            f"Raise the tolerance {self.tolerance:g}",
+            f"after {MOST_ROUNDS} iterations the relative duality gap is {least:.3g}",
+            f"Increase the tolerance {self.tolerance:g}",
         )
 
     def _kept(self, held: HeldForce, Q: Array | None) -> HeldForce:

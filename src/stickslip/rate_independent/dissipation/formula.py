@@ -102,13 +102,15 @@ class SupportFormula(Dissipation, kind="formula"):
         if given and largest > given:
             raise DeclarationError(
                 "formula",
-                f"it has the component v{largest}, but n = {given}",
+                f"it contains the component v{largest}, but n = {given}",
                 "Correct one of them",
             )
         count = int(given) or largest
         if not count:
             raise DeclarationError(
-                "formula", "it has no component v1, v2, ...", "Write it in these, or give n"
+                "formula",
+                "it contains no component v1, v2, ...",
+                "Write the formula in v1, v2, ..., or give n",
             )
         if count > _MOST_COMPONENTS:
             raise DeclarationError(
@@ -230,13 +232,13 @@ def _components(text: object) -> list[int]:
 def _read_parameters(given: Any) -> dict[str, Expr]:
     if not isinstance(given, Mapping):
         raise DeclarationError(
-            "parameters", f"a {type(given).__name__} is not a table", "Give {name: value}"
+            "parameters", f"a {type(given).__name__} is not a mapping", "Give {name: value}"
         )
     for name, value in given.items():
         where = f"parameters.{name}"
         check_name(name, where)
         if name == _PHASE or _COMPONENT.fullmatch(name):
-            raise DeclarationError(where, f"'{name}' has a meaning here", "Choose another name")
+            raise DeclarationError(where, f"'{name}' is reserved", "Choose another name")
         if not is_finite(value):
             raise DeclarationError(where, f"{value!r} is not a finite number", "Give a number")
     return {name: ex.num(float(value)) for name, value in given.items()}

@@ -104,7 +104,7 @@ class FormulaSets(Dissipation):
             if np.isfinite(xi).all():
                 return xi
         raise DeclarationError(
-            "formula", f"it has no derivative around v = {v}", "Write it in another way"
+            "formula", f"it is not differentiable near v = {v}", "Rewrite the formula"
         )
 
     def hessian(self, v: ArrayLike, s: float = 0.0) -> Array:

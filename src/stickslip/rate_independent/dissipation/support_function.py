@@ -63,7 +63,7 @@ class SupportFunction(Dissipation):
             )
         if not callable(function):
             raise DeclarationError(
-                "function", "it cannot be called", "Give a function of the phase s and of v"
+                "function", "it is not callable", "Give a function of the phase s and of v"
             )
         self.function: Callable[[float, Array], SupportsFloat] = function
         self.subgradient: Callable[[float, Array], ArrayLike] | None = subgradient
@@ -123,11 +123,12 @@ class SupportFunction(Dissipation):
         except Exception as error:
             raise DeclarationError(
                 "function",
-                f"it fails at phase s = {s:g} and v = {v} ({type(error).__name__}: {error})",
+                f"it raises an error at phase s = {s:g} and v = {v} ({type(error).__name__}: "
+                f"{error})",
                 "Correct it",
             ) from error
         if not (np.isfinite(value) and value >= 0.0):
-            reason = "but a dissipation potential is nonnegative: K(s) has to contain 0"
+            reason = "but a dissipation potential is nonnegative, so K(s) must contain 0"
             raise DeclarationError(
                 "function", f"it is {value} at phase s = {s:g} and v = {v}, {reason}", "Correct it"
             )
@@ -149,7 +150,7 @@ class SupportFunction(Dissipation):
                 "function",
                 f"it is not convex at phase s = {s:g}: "
                 f"Psi(v + w) > Psi(v) + Psi(w) for v = {v}, w = {w}",
-                "A potential has to be convex in v",
+                "Use a potential that is convex in v",
             )
 
     def _differences(self, v: Array, s: float) -> Array:

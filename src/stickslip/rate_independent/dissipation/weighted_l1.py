@@ -66,7 +66,7 @@ class WeightedL1(Dissipation, kind="weighted l1"):
             raise DeclarationError(
                 "lower",
                 f"it has {below.shape[0]} components, but there are {above.shape[0]} weights",
-                "Give as many",
+                "Give the same number of both",
             )
         object.__setattr__(self, "above", above)
         object.__setattr__(self, "below", below)

@@ -191,7 +191,9 @@ def averaging_study(
     check_tolerances(tolerance=tolerance)
     if not problem.dissipation.depends_on_phase:
         raise DeclarationError(
-            "dissipation", "it does not depend on the phase", "There is nothing to average"
+            "dissipation",
+            "it does not depend on the phase",
+            "Use a dissipation that depends on the phase",
         )
     averaged = _averaged(problem)
     start, end = map(float, problem.span)
@@ -228,7 +230,7 @@ def _checked_periods(epsilons: Sequence[float]) -> Array:
     given = list(np.atleast_1d(np.asarray(epsilons, dtype=object)))
     if not given or not all(is_finite(e) and e > 0.0 for e in given):
         raise DeclarationError(
-            "epsilons", f"{epsilons!r} are not all periods", "Give positive numbers"
+            "epsilons", f"{epsilons!r} are not all positive numbers", "Give positive numbers"
         )
     return np.array(given, dtype=float)
 
@@ -250,7 +252,8 @@ def _averaged(problem: Evolution) -> Evolution:
         raise DeclarationError(
             "initial",
             f"not stable at every phase ({unstable.reason})",
-            "Start from Evolution.settled(A, load, dissipation.average(), initial).initial",
+            "Use the initial state Evolution.settled(A, load, dissipation.average(), "
+            "initial).initial",
         ) from None
 
 

@@ -142,7 +142,7 @@ def check_tolerances(**given: float) -> None:
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
             raise DeclarationError(
-                name, f"{value!r} is no tolerance", "Give a small positive number"
+                name, f"{value!r} is not a tolerance", "Give a small positive number"
             )
 
 
@@ -159,17 +159,19 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
         or not np.all(np.diff(times) > 0.0)
     ):
         raise DeclarationError(
-            "times", "no increasing times", "Give (start, end), or all times of the steps"
+            "times", "the times do not increase", "Give (start, end), or all times of the steps"
         )
     if times[0] != problem.span[0]:
         raise DeclarationError(
             "times",
-            f"they start at {times[0]:g}, but the initial state holds at {problem.span[0]:g}",
-            "Start there",
+            f"they start at {times[0]:g}, but the initial state is given at {problem.span[0]:g}",
+            "Start at this time",
         )
     if times[-1] > problem.ell.span[1]:
         raise DeclarationError(
-            "times", f"the load is known up to {problem.ell.span[1]:g} only", "End there"
+            "times",
+            f"the load is defined up to {problem.ell.span[1]:g} only",
+            "End at or before this time",
         )
     if steps is not None:
         if len(times) > 2 or not isinstance(steps, int | np.integer) or steps < 1:
@@ -203,7 +205,9 @@ def output_times(output: Any, nodes: Array) -> Array | None:
             isinstance(output, int | np.integer) and 1 <= output < 2**62
         ):
             raise DeclarationError(
-                "output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps"
+                "output",
+                f"{output!r} is not a stride",
+                "Give times, or a positive integer to keep every n-th step",
             )
         return None
     wanted = np.array(output, dtype=float)
@@ -261,7 +265,9 @@ def _begin(
         problem.energy(t, z), energy[-1], rel_tol=1e-9, abs_tol=1e-9 * float(np.abs(energy).max())
     ):
         raise DeclarationError(
-            "start", "its energy is not that of this problem", "Continue a result of this problem"
+            "start",
+            "its energy does not match that of this problem",
+            "Continue a result of this problem",
         )
     record.restore(old)
     return start_state(problem, t, z, flow), record
@@ -291,7 +297,7 @@ class OutputPlan:
                 "final_state",
             }:
                 raise DeclarationError(
-                    f"observables.{name}", "the name is taken", "Choose another name"
+                    f"observables.{name}", "the name is already used", "Choose another name"
                 )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
         self.count: int = 0  # steps so far
@@ -330,7 +336,9 @@ class OutputPlan:
         for name in self.observables:
             if name not in old:
                 raise DeclarationError(
-                    f"observables.{name}", "the earlier result has no such record", "Leave it out"
+                    f"observables.{name}",
+                    "the earlier result has no record of this name",
+                    "Remove it",
                 )
         times = old["step_time"].values
         columns = {name: old[name].values for name in (*STEP_COLUMNS, *self.observables)}

@@ -90,7 +90,9 @@ class EvolutionModel:
             object.__setattr__(self, "span", default.under(self.drives))
         check_shape(self)
         if not self.name.strip():
-            raise DeclarationError("name", "the model has no name", "Give it a short name")
+            raise DeclarationError(
+                "name", "the name of the model is missing", "Give the model a short name"
+            )
         for name in self._definitions:
             self._scope(_CLOCK, _PHASE).check(name)
         _ = self.potential
@@ -224,7 +226,7 @@ class EvolutionModel:
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
         drives = measured_drives(self.drives)
         forbidden = {
-            name: f"Only {allowed} may stand here"
+            name: f"Use {allowed} only"
             for name in (_CLOCK, _PHASE, *drives)
             if name not in variables
         } | {f"d_{name}": "A measured drive has no rate here" for name in drives}
@@ -249,11 +251,11 @@ class EvolutionModel:
             return
         if self.steps < 1:
             raise DeclarationError(
-                "steps", f"{short(repr(self.steps))} steps", "Give a positive whole number"
+                "steps", f"{short(repr(self.steps))} steps", "Give a positive integer"
             )
         if self.is_play:
             raise DeclarationError(
-                "steps", "a scalar play is computed exactly, without steps", "Leave it out"
+                "steps", "a scalar play is computed exactly, without steps", "Remove it"
             )
 
 
@@ -290,8 +292,8 @@ def with_samples(tree: Any, given: Mapping[str, TimeFunction], where: str) -> An
         names = " and ".join(f"'{name}'" for name in used)
         raise DeclarationError(
             where,
-            f"the measured drive {names} is not only multiplied by a number",
-            "Give the samples of what the load is, as a drive of its own",
+            f"the measured drive {names} may only be multiplied by a number",
+            "Declare the samples of the load as a separate drive",
         )
     if list(weights.values()) == [1.0] and ex.is_number(rest, 0.0):
         return given[used[0]]

@@ -138,12 +138,14 @@ def play(
                 name, f"{value!r} is not a positive number", "Give a positive number"
             )
     if not is_finite(initial):
-        raise DeclarationError("initial", f"{initial!r} is no position", "Give a finite number")
+        raise DeclarationError(
+            "initial", f"{initial!r} is not a finite number", "Give a finite number"
+        )
     if interpolation not in INTERPOLATIONS:
         raise DeclarationError(
             "interpolation",
-            f"{interpolation!r} is none",
-            f"Give one of {', '.join(INTERPOLATIONS)}",
+            f"unknown interpolation {interpolation!r}",
+            f"Choose from {', '.join(INTERPOLATIONS)}",
         )
     declared = {
         "load": load,
@@ -212,8 +214,7 @@ def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
         raise DeclarationError(
             "initial",
             f"z = {z:.9g} is not stable: the force ℓ − a z exceeds its threshold by {distance:.6g}",
-            f"Start with z between {low:.9g} and {high:.9g}; the nearest stable value is "
-            f"{nearest:.9g}",
+            f"Choose z between {low:.9g} and {high:.9g}; the nearest stable value is {nearest:.9g}",
         )
     return float(nearest)
 
@@ -335,10 +336,12 @@ class Play(Result):
         times = np.ravel(np.asarray(t, dtype=float))
         first, last = self.time[0], self.time[-1]
         if side not in ("left", "right"):
-            raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
+            raise DeclarationError("side", f"{side!r} is not a side", "Use 'left' or 'right'")
         if times.size and not (np.all(times >= first) and np.all(times <= last)):
             raise DeclarationError(
-                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+                "t",
+                "a time is outside the computed time span",
+                f"Ask for {first:g} <= t <= {last:g}",
             )
         k = np.searchsorted(self.time, times, side=side) - 1
         return times, np.clip(k, 0, len(self.mode) - 1)

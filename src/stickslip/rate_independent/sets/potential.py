@@ -91,7 +91,7 @@ class Dissipation(ABC):
             raise DeclarationError(
                 "dissipation",
                 "it depends on a phase, which a contact does not have",
-                "Give a threshold that depends on time beside it",
+                "Declare a threshold that depends on time instead",
             )
         return self._formula()
 
@@ -333,8 +333,8 @@ class Dissipation(ABC):
         if x.shape != (self.dimension,):
             raise DeclarationError(
                 name,
-                f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}",
-                "Correct its size",
+                f"its shape is {x.shape}, but the potential is defined on R^{self.dimension}",
+                "Give a vector of this dimension",
             )
         return finite(x, name)
 
@@ -361,8 +361,8 @@ class Dissipation(ABC):
 
     def _said(self) -> list[tuple[str, str]]:
         """What there is to say of it on a page."""
-        depends = "the phase s = t/ε" if self.depends_on_phase else "nothing but the rates"
-        known = "bounded at all of them" if self.bounded else "known at those that are looked at"
+        depends = "the phase s = t/ε" if self.depends_on_phase else "the rates only"
+        known = "bounded at all phases" if self.bounded else "known at sampled phases"
         return [
             ("dimension", str(self.dimension)),
             ("depends on", depends),
@@ -549,7 +549,7 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
             where, "it is not a matrix of numbers", f"Give a {n} x {n} array"
         ) from None
     if matrix.shape != (n, n):
-        raise DeclarationError(where, f"it has the shape {matrix.shape}", f"Give a {n} x {n} array")
+        raise DeclarationError(where, f"its shape is {matrix.shape}", f"Give a {n} x {n} array")
     finite(matrix, where)
     lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
     if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
@@ -560,6 +560,6 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
         cholesky(matrix, lower=True)
     except LinAlgError:
         raise DeclarationError(
-            where, "it is not positive definite", "All its eigenvalues have to be positive"
+            where, "it is not positive definite", "Give a positive definite matrix"
         ) from None
     return matrix
