@@ -23,7 +23,7 @@ def refused(message: str, data: Any = None, free: Any = None, **options: Any) ->
 
 
 def test_columns() -> None:
-    refused("no column 'position'.*Known here: t, x", observe={"position": "x"})
+    refused("unknown column 'position'.*Known here: t, x", observe={"position": "x"})
     refused("unknown quantity", observe={"x": "position"})
     refused("no column is named 'time' or 't'", {"clock": T, "x": X}, observe={"x": "x"})
     refused("no column has the name of a quantity", {"t": T, "q": X})

@@ -105,7 +105,7 @@ def test_what_follows_from_it(tmp_path: Path) -> None:
 def test_a_law_that_does_not_fit_is_noticed() -> None:
     found = ss.fit_law((V, forces("stribeck", V)), "coulomb", starts=2)
     assert found.statistics.weight < 0.5
-    assert any("correlated" in note for note in found.notes)
+    assert any("correlation" in note for note in found.notes)
     fixed = ss.fit_law(
         (V, forces("coulomb", V)), "static_kinetic", parameters={"F_s": 3.0}, starts=2
     )

@@ -178,7 +178,7 @@ WRONG = {
     "viscosity of a rate-independent coordinate": (
         {"viscous": "nu/2*(d_u**2 + d_z**2)"},
         "viscous",
-        "'d_z' may not",
+        "'d_z' is not allowed",
     ),
     "drag that drives": (
         {"coordinates": {"x": Inertial(drag="d_x**3 - d_x")}},
@@ -188,7 +188,7 @@ WRONG = {
     "force with a viscous rate": (
         {"coordinates": {"x": Inertial(force="d_u")}},
         "coordinates.x.force",
-        "'d_u' may",
+        "'d_u' is not allowed",
     ),
     # Contacts.
     "without contact": ({"contacts": {"play": None}}, "coordinates.z", "needs dry friction"),

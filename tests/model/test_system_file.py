@@ -287,11 +287,11 @@ WRONG = {
     "no such number": ("span = " + "9" * 5000, "model", "invalid number or date"),
     "deep lists": ("span = " + "[" * 20_000, "model", "nested too deeply"),
     "deep tables": ("span = " + "{a = " * 5000, "model", "nested too deeply"),
-    "deep key": ("a." * 20_000 + "a = 1", "model", "a key has too many parts (line  1)"),
+    "deep key": ("a." * 20_000 + "a = 1", "model", "a key has too many parts (line 1)"),
     "deep quoted key": (
         SMALLEST + "[" + '"a" . ' * 20_000 + "a]",
         "model",
-        "a key has too many parts (line  3)",
+        "a key has too many parts (line 3)",
     ),
     "nothing": ("", "model: name", "this key is missing"),
     "unknown key": (SMALLEST + 'potentail = "1"', "model: potentail", "unknown key"),

@@ -300,7 +300,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "feeds in": ({"drag": "d_x - 1"}, "drag", "creates energy"),
     "kink": ({"drag": "d_x + abs(d_x)*d_x"}, "drag", "kinks or jumps in d_x"),
     "undefined": ({"drag": "d_x*log(x)", "initial": {}}, "drag", "undefined at the initial state"),
-    "rate of another": ({"drag": "d_x + d_y"}, "drag", "'d_y' may not"),
+    "rate of another": ({"drag": "d_x + d_y"}, "drag", "'d_y' is not allowed"),
     "coupled": ({"viscous": "(d_x - d_y)**2/2"}, "drag", "joins d_x to d_y"),
     "contact": ({"contacts": {"c": Contact("d_x - d_y", 1.0)}}, "contacts", "'x' has a drag"),
 }

@@ -42,7 +42,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "singular mass": (lambda: structure(np.ones((3, 3)), STIFFNESS), "not positive definite"),
     "mass of a negative eigenvalue": (
         lambda: structure([[1, 2], [2, 1]], np.eye(2)),
-        "lowest of its 2 eigenvalues is -1",
+        "smallest of its 2 eigenvalues is -1",
     ),
     "indefinite stiffness": (
         lambda: structure(MASS, STIFFNESS - 2.0 * MASS),
@@ -70,7 +70,7 @@ WRONG: dict[str, tuple[Any, str]] = {
         lambda: structure(MASS, STIFFNESS, np.eye(2)),
         r"damping: its shape is \(2, 2\)",
     ),
-    "not square": (lambda: structure(MASS, STIFFNESS[:2]), "shape is 2 x 3, not square"),
+    "not square": (lambda: structure(MASS, STIFFNESS[:2]), "it is 2 x 3, not a square"),
     "ragged": (lambda: structure([[1, 2], [3]], STIFFNESS), "rows have different lengths"),
     "a text": (lambda: structure("M.mtx", STIFFNESS), "mass: its entries are not all numbers"),
     "a number as damping": (lambda: structure(MASS, STIFFNESS, 0.01), "damping: it is a number"),

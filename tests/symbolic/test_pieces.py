@@ -254,7 +254,7 @@ def mechanical(force: str = "0", potential: str = "0", drag: str = "0") -> ss.Sy
     ],
 )
 def test_a_force_that_jumps_against_a_rate_is_friction(given: dict[str, str]) -> None:
-    with pytest.raises(DeclarationError, match=r"that is dry friction.*contact with a direction"):
+    with pytest.raises(DeclarationError, match=r"this is dry friction.*contact with a direction"):
         mechanical(**given)
 
 

@@ -96,7 +96,7 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
         raise DeclarationError(what, "its entries are not all numbers", "Give numbers")
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         shape = " x ".join(map(str, matrix.shape)) or "a number"
-        raise DeclarationError(what, f"its shape is {shape}, not square", "Give a square matrix")
+        raise DeclarationError(what, f"it is {shape}, not a square matrix", "Give a square matrix")
     if not np.all(np.isfinite(values)):
         i, j = _where(matrix, lambda part: ~np.isfinite(part))
         raise DeclarationError(
