@@ -111,7 +111,7 @@ def cite(
         typer.Argument(metavar="[MODEL]", help="Name of a catalogue system, or a model file."),
     ] = None,
 ) -> None:
-    """Say what to cite: this program, the paper it began with, and where a system comes from."""
+    """Show what to cite: this program, the paper it is based on, and the source of a system."""
     from stickslip.cli.common.models import references
 
     typer.echo(
@@ -138,10 +138,10 @@ def check(
 ) -> None:
     """Check a stored result.
 
-    The certificate of a motion or a play is recomputed from the stored data alone; other results
-    say what was measured when they were computed. With --model (and --set as it was given then) it
-    is compared with a model that may have been edited since. Exit code: 0 certified, 1 not, or of
-    another model, 2 no result.
+    The certificate of a motion or a play is recomputed from the stored data; for other results the
+    stored certificate is shown. With --model (and the --set options of the computation) the result
+    is compared with a model that may have been edited since. Exit code: 0 certified, 1 not
+    certified or a different model, 2 not a result.
     """
     from stickslip import open as open_result
     from stickslip.cli.common.report import print_summary
@@ -172,7 +172,7 @@ def check(
 @app.command()
 @guarded
 def warmup() -> None:
-    """Load the engine, compile what is missing, and say where machine code is kept.
+    """Load the engine, compile missing parts, and show where machine code is stored.
 
     Useful once after an installation, or on each node of a cluster.
     """

@@ -50,7 +50,7 @@ EvolutionOptions = Annotated[
 def average_command(
     file: File, settings: EvolutionOptions = None, out: Out = None, json_: Json = False
 ) -> None:
-    """Average oscillating friction: which friction is left, and which phases do the moving.
+    """Average oscillating friction: the effective friction, and the phases at which motion occurs.
 
     Writes summary.json and overview.png into the folder DIR.
 
@@ -81,13 +81,13 @@ def evolve_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Compute a rate-independent evolution, certify it, and write it down.
+    """Compute, certify and store a rate-independent evolution.
 
     Writes evolution.nc, summary.json and overview.png into the folder DIR. A scalar play is
     computed exactly.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
-    kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (the results so far
+    are kept).
     """
     from stickslip.rate_independent.evolution.blocks import evolved
 

@@ -84,12 +84,12 @@ def fit_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the parameters for which a system explains data best, and how well they are known.
+    """Fit parameters of a system to data, with confidence intervals.
 
     Writes fit.nc, fit.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 found and certified, 1 not, 2 wrong input, 130 interrupted (the best so far is
-    kept).
+    Exit code: 0 found and certified, 1 not, 2 wrong input, 130 interrupted (the best fit so
+    far is kept).
     """
     from stickslip import Fit, Recording, fit
 

@@ -49,12 +49,12 @@ def run_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Compute a motion, certify it, and write it down.
+    """Compute, certify and store a motion.
 
     Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
-    kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Trajectory, simulate
 
@@ -82,7 +82,7 @@ def events_command(
     """List the slip events of a stored motion: start, duration, size, energy.
 
     An event lasts from the first slip after all contacts have stuck to the next time when all do;
-    with --faster-than, as long as some coordinate is faster.
+    with --faster-than, while some coordinate is faster.
     Writes catalogue.nc, catalogue.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 listed and certified, 1 not, 2 wrong input.
@@ -104,7 +104,7 @@ def events_command(
 def equilibria_command(
     model: Model, settings: ParameterOptions = None, out: Out = None, json_: Json = False
 ) -> None:
-    """Find the states of rest and of steady sliding, and whether they are stable.
+    """Find the states of rest and of steady sliding, and their stability.
 
     Writes equilibria.nc, equilibria.csv, summary.json and overview.png into the folder DIR.
 
@@ -131,7 +131,7 @@ def cycle_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the cycle or gait that the motion from the initial state settles on.
+    """Find the cycle or gait on which the motion from the initial state settles.
 
     Writes cycle.nc, summary.json and overview.png into the folder DIR.
 
@@ -170,12 +170,12 @@ def branch_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Follow an equilibrium (or a cycle) over a parameter, and name what happens to it.
+    """Follow an equilibrium (or a cycle) over a parameter, and report special points.
 
     Writes branch.nc, branch.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was
-    computed is kept).
+    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
     from stickslip.equations.derive import derive
@@ -259,12 +259,12 @@ def response_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Follow the response to a drive over its frequency: amplitude and phase, stable or not.
+    """Follow the response to a drive over its frequency: amplitude, phase and stability.
 
     Writes response.nc, response.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or no response, 2 wrong input, 130 interrupted (what was computed
-    is kept).
+    Exit code: 0 certified, 1 not, or no response, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import FrequencyResponse, frequency_response
 
@@ -336,14 +336,14 @@ def ring_down_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Let a vibration decay: amplitude, frequency and damping of every half-cycle.
+    """Analyse a decaying vibration: amplitude, frequency and damping of every half-cycle.
 
-    Nothing may drive the model: --set force=0 lets a drive of that name rest.
+    The model must not be driven: --set force=0 switches off a drive of that name.
 
     Writes ring-down.nc, ring-down.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing swings, 2 wrong input, 130 interrupted (what was
-    computed is kept).
+    Exit code: 0 certified, 1 not, or no vibration, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import RingDown, ring_down
 
@@ -390,12 +390,12 @@ def backbone_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the frequency and the damping of a mode over its amplitude, without a drive.
+    """Find the frequency and damping of a mode over its amplitude, without a drive.
 
     Writes backbone.nc, backbone.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 certified at all amplitudes, 1 not, or no cycle, 2 wrong input, 130 interrupted
-    (what was computed is kept).
+    (the results so far are kept).
     """
     from stickslip import Backbone, backbone
 
@@ -438,12 +438,12 @@ def basin_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find out which attractor each of many initial states reaches.
+    """Compute which attractor each of many initial states reaches.
 
     Writes basin.nc, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed
-    is kept).
+    Exit code: 0 all settled and certified, 1 not, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Basin
     from stickslip import basin as find

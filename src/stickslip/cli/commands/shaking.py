@@ -139,13 +139,13 @@ def records_command(
 ) -> None:
     """Measure a system under every record of a folder, at many scales, and over parameters.
 
-    Each motion lasts as long as its record. Writes a Zarr store, record by record; the same command
-    takes up what was interrupted, and --extend adds records. With --limit, also the share of
-    records that exceed it: fragility.nc, fragility.csv, summary.json and overview.png into the
-    folder of that name beside the store.
+    Each motion covers the time of its record. Writes a Zarr store, record by record; run the same
+    command again to resume, and use --extend to add records. With --limit, also writes the fraction
+    of records that exceed it: fragility.nc, fragility.csv, summary.json and overview.png, into the
+    folder of that name next to the store.
 
-    Exit code: 0 complete (and certified, with --limit), 1 not, 2 wrong input, 130 interrupted (what
-    was computed is kept).
+    Exit code: 0 complete (and certified, with --limit), 1 not, 2 wrong input, 130 interrupted (the
+    results so far are kept).
     """
     from stickslip import Records, Settings
     from stickslip import sweep as compute

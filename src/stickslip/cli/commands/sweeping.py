@@ -142,10 +142,10 @@ def sweep_command(
 ) -> None:
     """Measure a system over parameters and initial values.
 
-    Writes a Zarr store, chunk by chunk; the same command takes up what was interrupted.
+    Writes a Zarr store, chunk by chunk; run the same command again to resume.
 
-    Exit code: 0 complete, 1 a point took longer than its time limit, 2 wrong input, 130 interrupted
-    (what was computed is kept).
+    Exit code: 0 complete, 1 a point reached its time limit, 2 wrong input, 130 interrupted
+    (the results so far are kept).
     """
     from stickslip import sweep as compute
     from stickslip.sweeps.work.chunk import Settings as MapSettings
@@ -240,8 +240,8 @@ def plot_command(
 ) -> None:
     """Draw a stored result: a motion, a cycle, a branch, a basin, a map or any other.
 
-    By default an overview; with --measure, these measures of a map or a branch, or these
-    quantities. Of a motion or a cycle, --time and --coordinate choose a part.
+    By default draws an overview; with --measure, the given measures of a map or a branch, or
+    quantities. For a motion or a cycle, --time and --coordinate select a part.
     """
     from stickslip import Cycle, Trajectory
     from stickslip import open as open_result
@@ -328,8 +328,8 @@ def export_command(
         float, typer.Option("--seconds", help="Duration in seconds of a unit of time in a sound.")
     ] = 1.0,
 ) -> None:
-    """Write a stored result for other programs: its table as CSV or Parquet, or a quantity of a
-    motion or a cycle as sound; or a model, as an FMU or as a file of Python."""
+    """Export a stored result for other programs: its table as CSV or Parquet, or a quantity of a
+    motion or a cycle as sound; or a model as an FMU or a Python file."""
     from stickslip import export
     from stickslip import open as open_result
 

@@ -341,7 +341,7 @@ class Play(Result):
             raise DeclarationError(
                 "t",
                 "a time is outside the computed time span",
-                f"Ask for {first:g} <= t <= {last:g}",
+                f"Use {first:g} <= t <= {last:g}",
             )
         k = np.searchsorted(self.time, times, side=side) - 1
         return times, np.clip(k, 0, len(self.mode) - 1)

@@ -402,7 +402,7 @@ def _files(folder: Path, pattern: str) -> list[Path]:
     except FileNotFoundError:
         raise DeclarationError(str(folder), "no such folder", "Check the path") from None
     except (OSError, ValueError) as error:
-        reason = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
+        reason = f"the folder cannot be read ({getattr(error, 'strerror', None) or error})"
         raise DeclarationError(str(folder), reason, "Check the path and the permissions") from None
     if not chosen:
         if pattern:
