@@ -32,8 +32,8 @@ class Outcome(Ended):
     ZENO = (
         4,
         "event accumulation",
-        "Events accumulate at this time (Zeno behaviour). Add damping, or set the restitution "
-        "to zero",
+        "Infinitely many events accumulate at this time (Zeno behaviour). Check for a contact "
+        "whose threshold approaches zero",
     )
     STEP_TOO_SMALL = (
         5,
