@@ -45,7 +45,7 @@ _NEGLIGIBLE = 1e-12  # part of the largest variance below which a principal axis
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Band(Result):
-    """A branch of cycles of a fitted system, and how uncertain it is.
+    """A branch of cycles of a fitted system, with its uncertainty.
 
     Attributes
     ----------

@@ -50,9 +50,9 @@ _NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EventCatalogue(Result):
-    """The slip events of a motion, or of several that follow each other.
+    """The slip events of a motion, or of several consecutive motions.
 
-    ``catalogue.table`` is a pandas.DataFrame, one row an event.
+    ``catalogue.table`` is a pandas.DataFrame with one row per event.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class EventCatalogue(Result):
         (by how much the energy of the system is less at its end: the same if nothing is supplied
         meanwhile), not a number where they were not asked for.
     span : (float, float)
-        Of the motion. An event that had begun before, or was not at its end, is not listed.
+        Time span of the motion. Events that begin before it or end after it are not listed.
     certificate : Certificate
         That of the motion.
     """

@@ -40,13 +40,13 @@ _PULSE = 0.25  # seconds after which a wish to stop is noticed
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Result):
-    """Many motions of a system: where each ended, and how.
+    """Final states and outcomes of many motions of a system.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
-        That are the same for all.
+        Parameters that are the same for all motions.
     dataset : xarray.Dataset
         Dimension ``trajectory``.
     """
@@ -150,7 +150,7 @@ def simulate_many(
     time_limit: float | None = None,
     workers: int | None = None,
 ) -> Ensemble:
-    """Final states of many motions of a system.
+    """Compute the final states of many motions of a system.
 
     Parameters
     ----------
@@ -158,13 +158,14 @@ def simulate_many(
     t_span : (float, float), optional
         Start and end, the same for all.
     initial, parameters : mapping of str to float or 1-D array, optional
-        What varies from motion to motion; numbers hold for all. All arrays have the same length.
+        Values that vary between motions, as arrays of the same length; numbers apply to all
+        motions.
     rtol, atol, max_events
         As in :func:`simulate`.
     time_limit : float, optional
-        Seconds of wall-clock time after which all motions end as they are.
+        Wall-clock limit in seconds, at which all motions end.
     workers : int, optional
-        Threads; by default all cores. The result does not depend on it.
+        Number of threads; by default all cores. The result does not depend on it.
 
     Returns
     -------

@@ -31,15 +31,15 @@ _COARSEST = 8  # cells along an axis to begin with, at least
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Where a map is refined.
+    """Criteria for the refinement of a map.
 
     Attributes
     ----------
     by : tuple of str
         ``"outcome"`` and measures.
     contrast : float
-        Change of a measure within a cell that asks for more points, relative to its range over the
-        map.
+        Change of a measure within a cell above which points are added, relative to the range of the
+        measure over the map.
     """
 
     by: tuple[str, ...] = ("outcome",)

@@ -39,16 +39,16 @@ _NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Map(Result):
-    """A system measured at every point of a grid of parameters and initial values.
+    """Measures of a system at every point of a grid of parameters and initial values.
 
-    ``map["speed"]`` is the measure as an xarray.DataArray, ``map.dataset`` everything.
+    ``map["speed"]`` is the measure as an xarray.DataArray; ``map.dataset`` is the complete dataset.
 
     Attributes
     ----------
     dataset : xarray.Dataset
         One dimension for each axis; the measures, ``outcome``, ``certificate``, ``lacking`` and
-        ``excess``; if the state is carried, what each point hands on, ``carried_…``. Where it comes
-        from a store, values are read when they are needed.
+        ``excess``; if the state is carried, also the final state of each point, ``carried_…``.
+        Values of a stored map are read lazily.
     """
 
     KIND: ClassVar[str] = KIND
@@ -310,7 +310,7 @@ class Map(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basin(Result):
-    """Which attractor each state of a section reaches.
+    """The attractor that each state of a section reaches.
 
     ``basin["attractor"]`` is the map as an xarray.DataArray.
 

@@ -34,7 +34,7 @@ _UNMEASURED = Residual("equations that were not measured", 1.0, 0.0)
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """Where something happens on a branch.
+    """A special point of a branch.
 
     Attributes
     ----------
@@ -50,15 +50,15 @@ class SpecialPoint:
     mode, region : tuple of int
         Mode of each contact and region of each kink (of a cycle: where it starts).
     index : int
-        Its number among the points of the branch.
+        Index among the points of the branch.
     period : float or None
-        Of a cycle; of a Hopf point the period of the cycles that are born there.
+        Period of a cycle; for a Hopf point, the period of the emanating cycles.
     data : dict of str to float
         Numbers that belong to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
     note : str
         In words: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
     residuals : tuple of Residual
-        What is left of the equations that define a point of its kind.
+        Residuals of the equations that define a point of this kind.
     """
 
     kind: str
@@ -105,9 +105,9 @@ class Branch(Result):
     special : list of SpecialPoint
         In the same order.
     ends : (Ending, Ending)
-        Why it ends, at its first and at its last point.
+        Reasons for the ends of the curve, at its first and last points.
     certificate : Certificate
-        Every residual of its points, and of its special points, where it is worst.
+        The largest value of every residual over its points and special points.
     second : str
         The other parameter of a curve in two parameters.
     """

@@ -59,8 +59,7 @@ _NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 @dataclass(frozen=True, eq=False)
 class Cycle(Result):
-    """A periodic motion, or one that repeats up to a drift. What is said of it is measured when it
-    is first asked for.
+    """A periodic motion, possibly with a drift. Its properties are computed on first access.
 
     Attributes
     ----------
@@ -598,25 +597,25 @@ def find_cycle(
     span: tuple[float, float] | None = None,
     time_limit: float | None = None,
 ) -> Cycle:
-    """The cycle near a motion, a state, another cycle or a Hopf point.
+    """Find the cycle near a motion, a state, another cycle or a Hopf point.
 
     Parameters
     ----------
     system : System
     start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
-        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is
-        near, stable or not, else the one that the motion from there settles on; by default the
+        A motion that has settled: the cycle near its end. A state: the cycle near it, stable or
+        unstable, or else the cycle on which the motion from this state settles; by default the
         declared initial state. A cycle at other parameters. A Hopf point of a branch of equilibria:
-        the cycles that are born there. A motion goes on from its end, a state from the start of the
+        the emanating cycles. A motion continues from its end, a state from the start of the
         declared span.
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the
-        branch's parameter tells which of the cycles is meant; by default a small one.
+        branch parameter selects one of the cycles; by default a small one.
     span : (float, float), optional
-        Time span in place of that of the system, for a start at a state: the motion from there
-        begins with it, and is given up after 100 times as long.
+        Time span that replaces the span of the system, for a start at a state: the motion starts at
+        its beginning, and is abandoned after 100 times its length.
     time_limit : float, optional
-        Seconds of wall-clock time that it may take.
+        Wall-clock limit in seconds.
 
     Returns
     -------
@@ -625,11 +624,12 @@ def find_cycle(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or the system depends on time without repeating.
+        If an argument is wrong, or the system depends on time aperiodically.
     ConvergenceError
-        If the motion comes to rest, does not come back, or Newton's method does not converge; if
-        the cycles come in a family without a translation. The message says what was tried and what
-        came nearest. A :class:`stickslip.errors.TimeLimitError`, which is one, if the time is up.
+        If the motion comes to rest, does not return, or Newton's method does not converge; if the
+        cycles form a continuous family without a translation. The message reports what was tried
+        and the closest approach. Its subclass :class:`stickslip.errors.TimeLimitError` is raised at
+        the time limit.
     """
     if span is not None and isinstance(start, SpecialPoint | Result):
         reason = "a motion, a cycle or a Hopf point already defines the initial time"

@@ -60,21 +60,22 @@ class Backbone(Result):
     system : System
     parameters : dict of str to float
     coordinate : str
-        Whose amplitude it is.
+        The coordinate of the amplitude.
     mode : int
-        Number of the linear mode that it begins with, the lowest being 1.
+        Number of the linear mode at which the backbone starts; 1 is the lowest.
     linear_frequency : float
-        Angular frequency of that mode, whose sliders stick.
+        Angular frequency of that mode, with sticking sliders.
     dataset : xarray.Dataset
-        Over ``point``, by rising ``amplitude`` (half the range of the coordinate): ``frequency`` ω,
-        ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the largest kinetic
-        energy), ``dissipated`` in a period, ``dissipated_…`` in each contact, ``stick`` (share of
-        the period in which all contacts stick), ``slips`` (0 where no contact slips), ``harmonic``
-        (of the coordinate, its modulus).
+        Over ``point``, by increasing ``amplitude`` (half the range of the coordinate):
+        ``frequency`` ω, ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the
+        largest kinetic energy), ``dissipated`` per period, ``dissipated_…`` in each contact,
+        ``stick`` (fraction of the period in which all contacts stick), ``slips`` (0 where no
+        contact slips), ``harmonic`` (of the coordinate, its modulus).
     notes : list of str
         Amplitudes at which no cycle was found, and why.
     complete, time_up : bool
-        Whether all was followed; if not, whether the time limit ended it, or the user.
+        Whether the computation was completed; if not, whether the time limit or the user stopped
+        it.
     """
 
     KIND: ClassVar[str] = "backbone"
@@ -237,41 +238,42 @@ def backbone(
     points: int = 30,
     time_limit: float | None = None,
 ) -> Backbone:
-    """Frequency and damping of a mode over its amplitude, by the extended periodic motion concept.
+    """Compute frequency and damping of a mode over its amplitude, by the extended periodic motion
+    concept.
 
     Parameters
     ----------
     system : System
-        With a constant mass matrix and without a drive: where time acts, the parameter that is its
-        amplitude is zero, or the drive is configured as 0.
+        A system with a constant mass matrix and without a drive: set the amplitude of a drive to
+        zero, or configure the drive as 0.
     amplitudes : (float, float)
-        The smallest and the largest, positive; half the range of the coordinate.
+        Smallest and largest amplitude, positive. The amplitude is half the range of the coordinate.
     coordinate : str, optional
         An inertial coordinate, or an unknown of a structure, such as ``"u[tip]"``; by default the
         first inertial coordinate.
     mode : int
-        Number of the linear mode to begin with, the lowest being 1. Where the mode is taken,
-        sliders behind springs stick, and contacts of coordinates with mass are left out.
+        Number of the linear mode to start from; 1 is the lowest. For the linear mode, sliders
+        behind springs stick, and contacts of coordinates with mass are omitted.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     points : int
-        Amplitudes, from the smallest to the largest in equal ratios.
+        Number of amplitudes, spaced geometrically.
     time_limit : float, optional
-        Seconds of wall-clock time after which the backbone is what was found.
+        Wall-clock limit in seconds; the backbone found so far is returned.
 
     Returns
     -------
     Backbone
-        Every point of it is a certified cycle of the system with the additional force ξ M q', and
-        has ω = 2π/T and D = ξ/(2ω).
+        Every point is a certified cycle of the system with the additional force ξ M q', with ω =
+        2π/T and D = ξ/(2ω).
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, time drives the system, the state jumps, or the mass matrix is not
-        constant.
+        If an argument is wrong, the system depends on time, the state jumps, or the mass matrix is
+        not constant.
     ConvergenceError
-        If there is no cycle at any of the amplitudes.
+        If no cycle is found at any amplitude.
 
     Examples
     --------

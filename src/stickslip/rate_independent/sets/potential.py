@@ -48,15 +48,14 @@ class Dissipation(ABC):
         n.
     depends_on_phase : bool
     kinds : dict of str to type, of the class
-        Potentials that model files know, by the name under which they entered themselves: ``class
-        Mine(Dissipation, kind="mine")``. Their fields are the keys of a file.
+        Potentials available in model files, by their registered names: ``class Mine(Dissipation,
+        kind="mine")``. Their fields are the keys of a file.
 
     Notes
     -----
-    A potential of one's own says its dimension, whether it depends on the phase, its support
-    function, points that this exposes, and how it is averaged; for all else there is a way that
-    needs no more. What it says besides makes it faster, or more accurate, or bounded between the
-    phases that are looked at.
+    A user-defined potential must provide its dimension, whether it depends on the phase, its
+    support function, exposed points, and its average; everything else has a default implementation.
+    Further methods may be overridden for speed, accuracy, or bounds between the sampled phases.
     """
 
     kinds: ClassVar[dict[str, type[Dissipation]]] = {}
