@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 
 class StickslipError(Exception):
-    """Base of every error this library raises on purpose."""
+    """Base class of the errors raised by this library."""
 
 
 class DeclarationError(StickslipError, ValueError):

@@ -190,7 +190,7 @@ def test_a_model_that_was_edited_after_a_run_is_noticed(tmp_path: Path) -> None:
     assert stickslip("run", "block.toml", "--until", "5", "--set", "V=0.2").exit_code == 0
     given = ("check", "out/belt_block/trajectory.nc", "--model", "block.toml")
     same = stickslip(*given, "--set", "V=0.2")
-    assert same.exit_code == 0 and "that of block.toml" in same.stdout
+    assert same.exit_code == 0 and "as in block.toml" in same.stdout
     text = Path("block.toml").read_text()
     Path("block.toml").write_text(text.replace('kinetic = "', 'kinetic = "2*', 1))
     edited = stickslip(*given, "--set", "V=0.2")
@@ -248,7 +248,7 @@ def test_broken_model_files_and_wrong_files(tmp_path: Path) -> None:
 
 def test_files_of_evolutions_have_their_own_commands(tmp_path: Path) -> None:
     model = Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml"
-    assert "Use: stickslip evolve" in refused(stickslip("run", str(model)))
+    assert "or on the command line: stickslip evolve" in refused(stickslip("run", str(model)))
     assert (
         stickslip("evolve", str(model), "--out", str(tmp_path / "e"), "--until", "0.1").exit_code
         == 0

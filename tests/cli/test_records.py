@@ -60,7 +60,7 @@ def test_a_folder_of_records(folder: Path) -> None:
     assert heading == "scale,mu,share,low,high,records"
     assert json.loads((beside / "summary.json").read_text())["records"] == 2
     write(folder / "quakes" / "pulse 0.4.csv", 0.4)
-    assert "over other values of record (2: pulse 0.3, pulse 0.5 there" in " ".join(
+    assert "over other values of record (stored 2: pulse 0.3, pulse 0.5" in " ".join(
         stickslip(*WHAT, *more).stderr.split()
     )
     assert stickslip(*WHAT, *more, "--extend").exit_code == 0

@@ -229,7 +229,7 @@ def test_what_is_wrong_in_an_evolution(folder: Path, load: str, more: list[str],
 def test_friction_is_no_function_of_time(folder: Path) -> None:
     text = PULL.replace("LOAD", "ell").replace('/2"]', '/2 + ell"]')
     (folder / "pull.toml").write_text(text, encoding="utf-8")
-    assert "'ell' is not allowed here. Only s and parameters" in refused("evolve", "pull.toml")
+    assert "'ell' is not allowed here. Use s and parameters only" in refused("evolve", "pull.toml")
 
 
 @pytest.mark.parametrize("kind", ["linear", "cubic", "hold"])

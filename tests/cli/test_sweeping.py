@@ -92,7 +92,7 @@ def test_a_function_from_a_file() -> None:
     [
         (["--over", "P=2:1:0", "--measure", "speed"], "not a number of points"),
         (["--over", "P=-1:1:4", "--measure", "speed"], "outside the admissible range"),
-        (["--over", "P=1:2:4", "--measure", "sped"], "no measure 'sped'"),
+        (["--over", "P=1:2:4", "--measure", "sped"], "unknown measure 'sped'"),
         (
             ["--over", "P=1:2:4", "--measure", "speed", "--initial", "phi=1"],
             "not a part of the state",

@@ -244,7 +244,7 @@ def test_what_an_fmu_does_not_do(tmp_path: Path) -> None:
         fmu.is_refused(1.5, 1.0, "begins at 1.5, but the FMU is at 1")
         for value in (math.nan, math.inf):
             fmu.put(F=value)
-            fmu.is_refused(1.0, 1.0, "inputs.F: .* is not a finite")
+            fmu.is_refused(1.0, 1.0, "is not a finite number")
         fmu.put(F=1.0)
         fmu.step(1.0, 1.0)
         assert fmu.certified()
@@ -350,7 +350,7 @@ def test_the_tolerance_makes_it_more_accurate_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("write", "reason"),
     [
-        (lambda p: ss.export(block(), p / "a.fmu", inputs=["G"]), "inputs: 'G' is neither"),
+        (lambda p: ss.export(block(), p / "a.fmu", inputs=["G"]), "inputs: 'G' is not a parameter"),
         (lambda p: ss.export(block(), p / "a.fmu", "y"), "unknown output 'y'"),
         (lambda p: ss.export(block(), p / "none" / "a.fmu"), "cannot be written"),
         (lambda p: ss.export(block(), p / "a.csv"), "Simulate it first"),
@@ -390,7 +390,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for words, reason in (
         (["belt_block"], "the file to write is not specified"),
         (["belt_block", "--fmi", "--python"], "Use one of them"),
-        (["belt_block", "--fmi", "--out", "b.csv"], "Call it b.fmu"),
+        (["belt_block", "--fmi", "--out", "b.csv"], "Use b.fmu"),
         (["belt_block", "--fmi", "--input", "q"], "is not a parameter or a drive"),
         (["nothing.toml", "--fmi"], "nothing.toml"),
         (["b.nc", "--out", "b.csv", "--set", "k=1"], "a stored result cannot be changed"),

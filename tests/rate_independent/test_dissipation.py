@@ -393,7 +393,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "too few offsets": (lambda: Polytope(normals=DIAMOND, offsets=[1, 1]), r"there are 4 normals"),
     "no potential": (
         lambda: Product((two, 3)),  # pyright: ignore[reportArgumentType]
-        r"factors\[1\]: it is a int, not a dissipation potential",
+        r"factors\[1\]: expected a dissipation potential, got int",
     ),
     "no factor": (lambda: Product(()), r"factors: the list is empty"),
     "dimension": (lambda: SupportFunction(lambda s, v: 1.0, 0), r"dimension: 0 is not a dimension"),
@@ -448,5 +448,5 @@ def test_an_inaccurate_subgradient_is_noticed() -> None:
         lambda s, v: np.array([v[0], v[1]]) / np.hypot(*v),
         False,
     )
-    with pytest.raises(ConvergenceError, match="distance is known to"):
+    with pytest.raises(ConvergenceError, match="accuracy of the distance"):
         potential.project([0.0, 5.0])

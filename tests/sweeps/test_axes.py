@@ -77,7 +77,7 @@ def test_latin_hypercube_has_one_point_in_each_row() -> None:
         (["Q=0:1:5"], "unknown parameter or part of the state"),
         (["P=0:1:5", "P=1,2"], "given twice"),
         (["P=0:1:5", "P,delta=1:2:3"], "two axes"),
-        (["P,delta=1:2:3; 1:2:4"], "tied"),
+        (["P,delta=1:2:3; 1:2:4"], "vary together"),
         (["P,delta=1,2;1,2;1,2"], "2 names, but 3 lists"),
         (["P=1,1"], "occurs twice"),
         (["P=1,x"], "'x' is not a number"),

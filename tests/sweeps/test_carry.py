@@ -236,7 +236,7 @@ def test_functions_and_formulas_see_the_motion_that_was_carried() -> None:
     [
         ({"omega": [1.0, 2.0]}, "F", "'F' is not an axis of the map"),
         ({"omega": [1.0, 2.0]}, "", "is not an axis of the map"),
-        ({"omega": [1.0, 2.0]}, "omega sideways", "no direction 'sideways'"),
+        ({"omega": [1.0, 2.0]}, "omega sideways", "unknown direction 'sideways'"),
         ({"x": [1.0, 2.0]}, "x", "x is an initial value"),
         ({"omega": "random:4; 1:2"}, "omega", "sample, which is not ordered"),
         ({"omega": [1.0, 3.0, 2.0]}, "omega up", "are not monotone"),

@@ -129,7 +129,7 @@ def test_limits_are_kept() -> None:
 @pytest.mark.parametrize(
     ("initial", "parameters", "measures", "words"),
     [
-        ({}, {"P": [1.0]}, ("sped",), "no measure 'sped'"),
+        ({}, {"P": [1.0]}, ("sped",), "unknown measure 'sped'"),
         ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
         ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
         ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),

@@ -259,7 +259,7 @@ def test_what_is_asked_of_a_fragility(shaken: ss.Map) -> None:
     plain = ss.sweep(BLOCK, {"mu": [0.1, 0.2]}, ["shift"])
     asked: list[tuple[Callable[[], Any], str]] = [
         (lambda: plain.fragility("shift", 0.1), "the map has no axis of records"),
-        (lambda: shaken.fragility("slop", 0.1), "has no 'slop'. Did you mean 'slip'"),
+        (lambda: shaken.fragility("slop", 0.1), "has no measure 'slop'. Did you mean 'slip'"),
         (lambda: shaken.fragility("slip", np.inf), "inf is not a number"),
         (lambda: shaken.fragility("slip", 0.1, over="S"), "unknown axis 'S'. Choose from scale"),
     ]
@@ -409,7 +409,7 @@ def test_what_is_no_map_over_records() -> None:
         (lambda: ss.sweep(BLOCK, {"r": records}, ["period"]), "end, so no motion settles"),
         (
             lambda: ss.basin(BLOCK, {"x": records, "d_x": "0:1:2"}),
-            "the name is reserved for scaled",
+            "the name is already used",
         ),
     ]
     for call, words in asked:

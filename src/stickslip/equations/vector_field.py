@@ -37,7 +37,7 @@ class VectorField:
     modes : dict of str to str
         ``"stick"``, ``"slip+"`` or ``"slip-"`` of every contact.
     at : dict of str to float
-        A point of the region, which stands for what later points leave open.
+        A point of the region, which supplies values that later points omit.
     """
 
     system: System

@@ -27,11 +27,11 @@ def export(
     seconds: float = 1.0,
     inputs: Sequence[str] | None = None,
 ) -> None:
-    """Write a result for other programs: its table, or a quantity of a motion as sound; or a
-    system, which other programs then move.
+    """Export a result for other programs: its table, or a quantity of a motion as sound; or a
+    system for simulation by other programs.
 
-    Tables hold numbers that are read back exactly, and words for what stands for a word, such as
-    modes and outcomes.
+    Numbers in tables can be read back exactly; coded values, such as modes and outcomes, are
+    written as words.
 
     Parameters
     ----------
@@ -44,27 +44,26 @@ def export(
         :class:`stickslip.Stepper` behind the interface of other simulators) or in ``.py``
         (right-hand side and events as functions of NumPy, for other integrators).
     *quantities : str
-        Columns beside those of the coordinates, or outputs of an FMU, by default all; or what is
-        heard.
+        Additional columns, or outputs of an FMU, by default all; or the quantity of a sound.
     step : float, optional
         Time between rows of a motion or a cycle; by default the times of its dataset, which are
         denser at switches.
     units : bool
-        Whether the names of the columns of a CSV file have their units, as in ``x [m]``.
+        Whether column names of a CSV file include units, as in ``x [m]``.
     rate : int
-        Samples a second of a sound. Jumps have frequencies above half of it, which are heard as
-        lower ones.
+        Samples per second of a sound. Jumps have frequencies above half of this rate, which alias
+        to lower ones.
     seconds : float
-        How long a unit of time sounds.
+        Duration in seconds of a unit of time in a sound.
     inputs : sequence of str, optional
         Parameters and drives that are inputs of an FMU, held during its steps; by default all
-        drives but those whose rates are used. Drives that are none run as they are declared.
+        drives except those whose rates are used. Other drives are as declared.
 
     Raises
     ------
     DeclarationError
-        If a quantity is unknown, the ending of the file is another, a step or a sound is asked of
-        what is neither a motion nor a cycle, an input cannot be one, or a system has no such form.
+        If a quantity is unknown, the file format is not supported, a step or a sound is requested
+        for a result other than a motion or a cycle, or an input or system is not supported.
     StickslipError
         If the file cannot be written, or a package is missing; an existing file is replaced only by
         a complete one.

@@ -41,16 +41,16 @@ Free = Mapping[str, "FreeRange"] | Iterable[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """Fits of several systems to the same data.
+    """Fits of several systems to the same data, with their comparison.
 
     Attributes
     ----------
     fits : tuple of Fit
     dataset : xarray.Dataset
         Over ``model``: ``unknowns``, ``log_likelihood``, ``aicc``, ``difference`` (of AICc from the
-        least), ``weight`` (Akaike's), ``bic``, all with one share of the data that counts.
+        least), ``weight`` (Akaike's), ``bic``, all with the same effective fraction of the data.
     flat : dict of str to tuple of str
-        By model the unknowns that the data do not bound.
+        For each model, the unknowns that the data do not determine.
     """
 
     KIND: ClassVar[str] = "comparison"
@@ -206,17 +206,17 @@ def compare_systems(
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Comparison:
-    """Fit several systems to the same data, and compare how well they explain it.
+    """Fit several systems to the same data and compare the fits.
 
     Parameters
     ----------
     systems : mapping of str to System, or sequence of System
-        With names, or called as they call themselves.
+        A mapping of names to systems, or a sequence of systems, which use their own names.
     data : table, Recording, or sequence of these
-    free : as in :func:`fit`; or one for each system, in a sequence, or by their names
+    free : as in :func:`fit`; or one for each system, in a sequence or by name
     observe : as in :func:`fit`; or one for each system, likewise
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
     **options
         Of :func:`fit`: ``noise``, ``loss``, ``parameters``, ``initial``, ``drives``, ``time``,
         ``starts``, ``seed``, ``rtol``; ``parameters`` and ``initial`` may be one for each system in
@@ -229,7 +229,8 @@ def compare_systems(
     Raises
     ------
     DeclarationError
-        If there are fewer than two systems, two of one name, or an argument of a fit is wrong.
+        If there are fewer than two systems, two have the same name, or an argument of a fit is
+        wrong.
 
     Examples
     --------

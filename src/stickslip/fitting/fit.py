@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Result):
-    """The unknowns for which a system explains data best.
+    """Parameter estimates of a system from data, with uncertainties.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class Fit(Result):
     certificate : Certificate
     log_likelihood : float
     notes : tuple of str
-        What one should know before one believes it.
+        Warnings about the reliability of the fit.
     complete : bool
-        False if it was interrupted.
+        False if the fit was interrupted.
     """
 
     KIND: ClassVar[str] = "fit"
@@ -136,7 +136,7 @@ class Fit(Result):
         ----------
         name : str
         progress : callable, optional
-            Is told the fraction done.
+            Called with the completed fraction.
 
         Returns
         -------

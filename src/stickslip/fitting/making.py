@@ -48,22 +48,22 @@ def fit(
     rtol: float = RTOL,
     progress: Callable[[float], None] | None = None,
 ) -> Fit:
-    """Find the parameters, and initial values, for which a system explains data best.
+    """Fit parameters and initial values of a system to data.
 
-    Least squares with the exact Jacobian, from several starts over recordings that grow; Ctrl-C
-    keeps the best so far.
+    Least squares with the exact Jacobian, from several starts and with recordings of increasing
+    length; Ctrl-C keeps the best fit so far.
 
     Parameters
     ----------
     system, data, free, observe, noise, loss, parameters, initial, drives, time, rtol
         As of :func:`fit_problem`.
     starts : int
-        Points of a Sobol sequence in the bounds (or around the start where there are none), the
-        given start first.
+        Number of starts: the given start, then points of a Sobol sequence within the bounds (or
+        around the start if there are none).
     seed : int
-        Of that sequence.
+        Seed of that sequence.
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
@@ -72,9 +72,9 @@ def fit(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or nothing that was measured depends on an unknown.
+        If an argument is wrong, or the data do not depend on an unknown.
     ConvergenceError
-        If there is a motion at no start.
+        If the motion cannot be computed at any start.
 
     Examples
     --------

@@ -60,21 +60,21 @@ class Evaluated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """Residuals of a system beside data, as functions of the unknowns.
+    """Residuals of a system with respect to data, as functions of the unknowns.
 
     Attributes
     ----------
     system : System
     measured : tuple of MeasuredRecord
-        The recordings, read.
+        The recordings as read.
     unknowns : tuple of Unknown
     given : dict of str to float
-        Values of the parameters that are not free, where they are not the defaults.
+        Values of fixed parameters that differ from the defaults.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        What is summed up of the squares of the residuals.
+        Loss function of the squared residuals.
     sigma : array, shape (data,)
-        What the differences are divided by: the standard deviation of the noise where it is known;
-        else the spread of the column, or, after a fit, the estimate.
+        Scale of the differences: the standard deviation of the noise if known; else the spread of
+        the column or, after a fit, its estimate.
     rtol : float
         Accuracy of the motions.
     """
@@ -357,7 +357,7 @@ def fit_problem(
     time: str = "",
     rtol: float = RTOL,
 ) -> FitProblem:
-    """A system beside data, as a problem for any optimiser or sampler: ``residuals(p)``,
+    """Formulate a system and data as a problem for any optimiser or sampler: ``residuals(p)``,
     ``jacobian(p)``, ``log_likelihood(p)``, ``bounds``, ``start``, ``names``.
 
     Parameters
@@ -366,21 +366,21 @@ def fit_problem(
     data : table, Recording, or sequence of these
         A file, a DataFrame, a Dataset, or a mapping of names to arrays; see :class:`Recording`.
     free : mapping of str to (float, float) or None, or names
-        What is looked for: parameters, and parts of the state for their initial values (one for
-        each recording), with bounds; by default the declared ranges.
+        Unknowns with bounds: parameters, and parts of the state for their initial values (one for
+        each recording); by default the declared ranges.
     observe : mapping of str to str, optional
-        The quantity of the motion (or a formula of quantities) that each column is of; by default
-        columns are called as quantities are. ``t`` is the time of an event.
+        The quantity of the motion (or a formula of quantities) for each column; by default columns
+        have the names of quantities. ``t`` is the time of an event.
     noise : mapping of str to float or str, optional
-        Standard deviation of columns, or columns in which it is. By default it is estimated.
+        Standard deviation of columns, or names of columns that contain it. Estimated by default.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        Robust ones feel less of outliers.
+        Robust losses are less sensitive to outliers.
     parameters : mapping of str to float, optional
-        Values that replace the defaults: where to begin, or what is known.
+        Values that replace the defaults: start values, or known values.
     initial : mapping of str to float or str, optional
         Initial values of all recordings; formulas of the parameters are allowed.
     drives : mapping of str to str, optional
-        Drives that were recorded, and their columns.
+        Recorded drives, and their columns.
     time : str
         Column of the time; by default ``time`` or ``t``.
     rtol : float

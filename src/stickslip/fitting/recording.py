@@ -36,34 +36,34 @@ HAPPENINGS = ("slips", "sticks", "closes", "opens")
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measurements of one motion, and what is known of it.
+    """Measurements of one motion, with its known parameters and inputs.
 
     Attributes
     ----------
     data : table
-        A file of columns (comma, semicolon, tab or blanks between them, a line of names), a pandas
-        DataFrame, an xarray Dataset, or a mapping of names to arrays. Cells without a number are
-        gaps: a quantity is compared where it was measured.
+        A file with columns (separated by comma, semicolon, tab or blanks) and a header line, a
+        pandas DataFrame, an xarray Dataset, or a mapping of names to arrays. Empty cells are gaps
+        and are ignored.
     parameters : mapping of str to float
-        Values that differ from those of other records, such as a speed that was set.
+        Values that differ from those of other recordings, such as a prescribed speed.
     initial : mapping of str to float or str
         Initial values; formulas of the parameters are allowed, such as ``"D_c/V"``.
     drives : mapping of str to str
-        Drives of the system, and the columns they are in.
+        Drives of the system, and their columns.
     time : str
         Column of the time; by default ``time`` or ``t``.
     begin : float, optional
-        When the motion begins; by default at the first row.
+        Beginning of the motion; by default the first row.
     end : float, optional
-        When a motion of which events were recorded ends at the latest.
+        Latest end of the motion, if events were recorded.
     events : str
-        If every row is an event: what it is, such as ``"ground slips"`` (or sticks, opens, closes);
-        row after row as they follow each other.
+        Kind of event, if every row is an event: such as ``"ground slips"`` (or sticks, opens,
+        closes), in chronological order.
 
     Raises
     ------
     DeclarationError
-        If the data are no table.
+        If the data are not a table.
     """
 
     data: Any

@@ -85,7 +85,7 @@ def minimise(
     Raises
     ------
     ConvergenceError
-        If there is a motion at no start.
+        If the motion cannot be computed at any start.
     DeclarationError
         If nothing that was observed depends on an unknown.
     """

@@ -132,7 +132,7 @@ _SYSTEMS = toml.Language(
 
 @validated
 def load(path: str | PathLike[str]) -> System:
-    """The system that a model file declares.
+    """Load a system from a model file.
 
     Parameters
     ----------

@@ -6,9 +6,9 @@ from stickslip.results import Ended
 
 
 class Outcome(Ended):
-    """How a motion ended; ``message`` says what it means and what to do.
+    """Outcome of a motion; ``message`` explains it and gives a remedy.
 
-    Everything computed up to there is kept in the result.
+    The result contains the motion up to its end.
     """
 
     FINISHED = (0, "finished", "The motion reached the end of the time span")

@@ -49,7 +49,7 @@ def simulate(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """The motion of a system, switch by switch.
+    """Compute the motion of a system, with every switch at its exact time.
 
     Parameters
     ----------
@@ -58,20 +58,20 @@ def simulate(
         Start and end; by default the system's own span.
     initial : mapping of str to float, optional
         Initial values of coordinates, rates ``d_x`` of inertial coordinates and internal variables;
-        what is not given has its declared default, or 0.
+        others have their declared default, or 0.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
-        Global quality: relative to the size of the motion, and the smallest size that counts.
+        Relative accuracy with respect to the size of the motion, and absolute accuracy.
     max_events : int
         Limit on the number of events.
     flow : str
         ``"auto"``: in closed form where a mode is affine, else by Taylor series. ``"taylor"``:
-        always by Taylor series, to see that both agree.
+        always by Taylor series, for comparison.
     time_limit : float, optional
-        Seconds of wall-clock time after which the motion ends as it is.
+        Wall-clock limit in seconds; the motion computed so far is returned.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
@@ -82,7 +82,8 @@ def simulate(
     ------
     DeclarationError
         If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent
-        coordinate, a constraint, or a gap. What it misses by rounding is put right.
+        coordinate, a constraint, or a gap. Violations at the level of rounding errors are
+        corrected.
     """
     from stickslip.motion.rest import rests_forever
     from stickslip.motion.trajectory import Trajectory

@@ -34,16 +34,17 @@ _SINCE = "t__since"  # the time from which inputs change
 
 @dataclass(frozen=True)
 class StepperState:
-    """Where a :class:`Stepper` is: :meth:`Stepper.save` gives it, :meth:`Stepper.restore` takes it.
+    """State of a :class:`Stepper`, returned by :meth:`Stepper.save` and accepted by
+    :meth:`Stepper.restore`.
 
     Attributes
     ----------
     time : float
     inputs : dict of str to float
     lane : tuple of arrays
-        What the engine knows of the motion: its state, the modes of its contacts, its clock.
+        Internal data of the engine: the state, the modes of the contacts, the clock.
     numbers : array
-        Of the parameters.
+        Values of the parameters.
     """
 
     time: float
@@ -53,11 +54,11 @@ class StepperState:
 
 
 class Stepper:
-    """A motion that is advanced step by step, with inputs from outside: for controllers written in
-    Python, and for co-simulation.
+    """A motion advanced step by step with external inputs, for controllers written in Python and
+    for co-simulation.
 
-    Within a step the motion is that of :func:`stickslip.simulate`, with every switch at its own
-    time, however long the step is.
+    Within a step the motion is that of :func:`stickslip.simulate`, with every switch at its exact
+    time, independent of the step size.
 
     Parameters
     ----------
@@ -65,28 +66,28 @@ class Stepper:
     initial, parameters : mapping of str to float, optional
         As of :func:`stickslip.simulate`.
     inputs : sequence of str
-        Parameters and drives that are given anew with each step. A drive has the value of its
-        declaration until it is given one.
+        Parameters and drives that may be set in each step. A drive has its declared value until it
+        is set.
     interpolation : {"hold", "linear"}
-        Whether an input jumps to its new value at the beginning of the step, or runs to it in a
-        straight line.
+        Whether an input jumps to its new value at the beginning of the step, or varies linearly
+        during the step.
     time : float, optional
-        Where it begins; by default at the start of the system's span.
+        Initial time; by default the start of the span of the system.
     rtol, atol : float
         As of :func:`stickslip.simulate`.
     max_events : int
-        Limit on the number of events in a step.
+        Maximum number of events in a step.
 
     Attributes
     ----------
     time : float
     system : System
-        The system that is moved: with its inputs as parameters, or as straight lines.
+        The system with its inputs as parameters, or as linear functions of time.
 
     Raises
     ------
     DeclarationError
-        If an input is neither a parameter nor a drive, or an argument is wrong.
+        If an input is not a parameter or a drive, or an argument is wrong.
 
     Examples
     --------

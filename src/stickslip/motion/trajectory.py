@@ -49,11 +49,11 @@ class Trajectory(Result):
     system : System
     parameters : dict of str to float
     t_span : (float, float)
-        The span that was asked for.
+        The requested time span.
     outcome : Outcome
         How the computation ended.
     start : array, shape (n,), or None
-        State that was asked for, where the certificate compares it with the first one.
+        The requested initial state, which the certificate compares with the first state.
     """
 
     KIND: ClassVar[str] = "trajectory"

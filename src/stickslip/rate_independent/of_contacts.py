@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def dissipation_of(
     system: System, contact: str, values: Mapping[str, float] | None = None
 ) -> Dissipation:
-    """The dissipation potential Ψ of a contact, with the set of forces that it holds.
+    """Return the dissipation potential Ψ of a contact, with its set of admissible forces.
 
     A contact that slips with the velocity u at its threshold dissipates Ψ(u) = s R(u); one that
     sticks holds the forces λ with −λ ∈ K = ∂Ψ(0), [M] section 2.1. Along a line K is the interval
@@ -37,13 +37,13 @@ def dissipation_of(
     contact : str
         Its name.
     values : mapping of str to float, optional
-        Of ``t``, the state, parameters (else their defaults), and ``normal_foot`` for the normal
-        force of a contact called foot, as far as the threshold depends on them.
+        Values of ``t``, the state, parameters (else their defaults), and ``normal_foot`` for the
+        normal force of a contact named foot, if the threshold depends on them.
 
     Raises
     ------
     DeclarationError
-        If there is no such contact, a value is missing, or the threshold is negative there.
+        If the contact is unknown, a value is missing, or the threshold is negative.
     """
     from stickslip.rate_independent.dissipation.ellipsoid import Ellipsoid
     from stickslip.rate_independent.dissipation.formula_sets import FormulaSets

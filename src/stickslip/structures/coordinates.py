@@ -94,7 +94,7 @@ class InModes:
 
     @property
     def unit(self) -> str:
-        """Of displacements."""
+        """Unit of displacements."""
         return self.structure.unit
 
     def index(self, unknown: UnknownKey) -> int:

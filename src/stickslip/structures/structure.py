@@ -32,7 +32,7 @@ _ROUNDED = 64.0 * np.finfo(float).eps  # of an entry, what may be rounding
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What a reduction has left out.
+    """The modes omitted by a reduction.
 
     Attributes
     ----------
@@ -57,33 +57,34 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure:
-    """A linear structure, M ü + C u̇ + K u = f, by its matrices.
+    """A linear structure, M ü + C u̇ + K u = f, given by its matrices.
 
-    Formulas of a system in which it is called u name single unknowns: ``u[3]``, or ``u[tip]`` if
-    that has a name, and rates ``d_u[tip]``.
+    If it is named u in a system, formulas use its degrees of freedom as ``u[3]``, or ``u[tip]`` by
+    name, and their rates as ``d_u[tip]``.
 
     Attributes
     ----------
     mass, stiffness : array or sparse array, shape (n, n)
-        Symmetric; the mass positive definite, the stiffness positive semidefinite: where it is
-        singular the structure has rigid modes. Symmetric up to 9 digits is symmetric.
+        Symmetric; the mass positive definite, the stiffness positive semidefinite: if it is
+        singular, the structure has rigid modes. Symmetry is checked to 9 digits.
     damping : array or sparse array, ProportionalDamping, ModalDamping or None
-        A matrix, symmetric and positive semidefinite, or a rule; none by default.
+        A symmetric positive semidefinite matrix, or a damping rule; no damping by default.
     names : list of str, or mapping of str to int
-        Of all unknowns, or of some, by index. Held as a mapping.
+        Names of all degrees of freedom, or of some by index. Stored as a mapping.
     unit : str
-        Of displacements.
+        Unit of displacements.
     basis : array, shape (N, n), optional
-        What unknowns are of n coordinates, where they are not these: columns are shapes, as
-        reductions, ours and others', give them. Indices and names are those of rows, then.
+        Degrees of freedom as linear combinations of n coordinates, for a reduced structure: the
+        columns are shapes, from a reduction by this or another program. Indices and names then
+        refer to rows.
     left_out : LeftOut, optional
-        What a reduction has left out.
+        The modes omitted by a reduction.
 
     Raises
     ------
     DeclarationError
-        If a matrix is not symmetric, has no proper definiteness, or holds something else than
-        finite numbers, sizes do not fit, or a name is none, is there twice, or names nothing.
+        If a matrix is not symmetric, not positive (semi)definite or not finite, shapes do not
+        match, or a name is invalid, duplicate or refers to no degree of freedom.
 
     Examples
     --------

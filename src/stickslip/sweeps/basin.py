@@ -135,30 +135,30 @@ def basin(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Basin:
-    """Which attractor each state of a section of initial states reaches.
+    """Compute the attractor that each state of a section of initial states reaches.
 
     Parameters
     ----------
     system : System
     over : mapping of str to axis
-        The states that vary, usually two, as for :func:`stickslip.sweep`:
-        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
+        The initial values that vary, usually two, as for :func:`stickslip.sweep`: ``{"psi":
+        "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
     initial : mapping of str to float, optional
-        Of the other states; by default the declared ones. A rate-independent coordinate that
-        friction cannot hold there starts at the nearest place at which it can.
+        Initial values of the other states; by default the declared ones. A rate-independent
+        coordinate outside the stable set starts at the nearest stable value.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     span : (float, float), optional
-        Time span in place of that of the system: motions begin with it, and are given up after 100
-        times as long.
+        Time span that replaces the span of the system: motions start at its beginning, and are
+        abandoned after 100 times its length.
     settings : Settings, optional
-        How a motion settles, and the accuracy.
+        Criteria for settled motions, and the accuracy.
     workers : int, optional
-        Threads; by default all cores. The result does not depend on it.
+        Number of threads; by default all cores. The result does not depend on it.
     time_limit : float, optional
-        Seconds of processor time that a motion may take; one that takes longer counts as stopped.
+        Processor-time limit of a motion in seconds; a motion that exceeds it counts as stopped.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------

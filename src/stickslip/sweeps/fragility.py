@@ -40,7 +40,8 @@ _FITTED = ("median", "dispersion")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fragility(Result):
-    """The share of records that take a system beyond a limit, over how much they are scaled.
+    """Fraction of records for which a system exceeds a limit, as a function of the scale of the
+    records.
 
     Attributes
     ----------
@@ -55,7 +56,7 @@ class Fragility(Result):
     outcome : Completion
         That of the map.
     certificate : Certificate
-        How many motions are not certified, or have no value.
+        Numbers of motions that are not certified or have no value.
     """
 
     KIND: ClassVar[str] = "fragility"

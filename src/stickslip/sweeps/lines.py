@@ -77,47 +77,48 @@ def frequency_response(
     steps: StepControl | None = None,
     time_limit: float | None = None,
 ) -> FrequencyResponse:
-    """The response of a system to a drive, over the frequency of the drive.
+    """Compute the response of a system to a drive over the frequency of the drive.
 
     Parameters
     ----------
     system : System
     parameter : str
-        Of which the period of the drive is a function, such as ``"omega"``.
+        The parameter on which the period of the drive depends, such as ``"omega"``.
     span : (float, float)
         Its range.
     levels : mapping or sequence of str, optional
-        One other parameter and its values, as axes of maps are written: ``{"F": [0.1, 0.2]}``,
-        ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default there is one line.
+        One other parameter and its values, in the notation of the axes of maps: ``{"F": [0.1,
+        0.2]}``, ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default a single line.
     of : str, optional
-        Whose response it is: a coordinate, an unknown of a structure, such as ``"u[tip]"``, an
-        output, or a formula of what results show, such as ``"u[tip] - u[root]"`` or
-        ``"friction_damper"``; by default the first inertial coordinate, or the first one.
+        Quantity of the response: a coordinate, a degree of freedom of a structure, such as
+        ``"u[tip]"``, an output, or a formula of quantities of results, such as ``"u[tip] -
+        u[root]"`` or ``"friction_damper"``; by default the first inertial coordinate, or the first
+        one.
     drive : str, optional
-        Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
-        default its only drive, or the force on the coordinate; of anything but a coordinate or an
-        unknown, the only force that depends on time.
+        Reference of the phases: a drive of the system, or a formula of ``t``. By default the only
+        drive, or the force on the coordinate; for other quantities, the only force that depends on
+        time.
     parameters : mapping of str to float, optional
         Values of the others.
     initial : mapping of str to float, optional
-        State in which the sweeps begin; by default the declared one.
+        Initial state of the sweeps; by default the declared one.
     points : int
-        Of a sweep, from one end of the range to the other.
+        Number of points of a sweep over the range.
     steps : StepControl, optional
-        Along the lines.
+        Step control along the lines.
     time_limit : float, optional
-        Seconds of wall-clock time after which the response is what was found.
+        Wall-clock limit in seconds; the response found so far is returned.
 
     Returns
     -------
     FrequencyResponse
-        Every point of it is a certified cycle. Cycles that no sweep meets and that no line leads to
-        are not found.
+        Every point is a certified cycle. Cycles that are neither reached by a sweep nor connected
+        to a line are not found.
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or the period of the drives is no function of the parameter.
+        If an argument is wrong, or the period of the drives does not depend on the parameter.
     """
     fixed = checked_values(system, parameters)
     if parameter not in system.parameters:

@@ -23,19 +23,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Result):
-    """The response to a drive over its frequency, for some levels of another parameter.
+    """The response to a drive over its frequency, for several levels of another parameter.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
-        Values of the parameters that stay fixed (and the defaults of the others).
+        Values of the fixed parameters (and the defaults of the others).
     parameter : str
-        The frequency, or what it is a function of.
+        The frequency, or the parameter on which it depends.
     level : str
-        The parameter of the levels; empty if there is one line only.
+        The parameter of the levels; empty for a single line.
     coordinate : str
-        Whose response it is: a coordinate, an unknown of a structure, an output or a formula.
+        Quantity of the response: a coordinate, a degree of freedom of a structure, an output or a
+        formula.
     dataset : xarray.Dataset
         Over ``point``, along the lines: the parameter, the level and the ``line`` (a number),
         ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first
@@ -45,11 +46,13 @@ class FrequencyResponse(Result):
         no cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
         same at the levels and between them, ``backbone_…``.
     special : list of SpecialPoint
-        Folds, grazing and the like of all lines; ``index`` is the number of the point.
+        Special points of all lines, such as folds and grazing; ``index`` is the number of the
+        point.
     notes : list of str
-        Why a sweep has found no cycle somewhere, and why lines end inside the range.
+        Reasons for points of sweeps without a cycle, and for lines that end within the range.
     complete, time_up : bool
-        Whether all was followed; if not, whether the time limit ended it, or the user.
+        Whether the computation was completed; if not, whether the time limit or the user stopped
+        it.
     """
 
     KIND: ClassVar[str] = "frequency response"

@@ -122,34 +122,33 @@ def sweep(
     ----------
     system : System
     over : mapping of str to axis
-        What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
-        (:mod:`stickslip.sweeps.request.axes` says all that is understood). An axis may be records
-        that drive the system one after the other, ``{"record": ss.Records.read("quakes")}``; an
-        axis ``scale`` multiplies them then, and each motion lasts as long as its record.
+        Axes: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
+        (:mod:`stickslip.sweeps.request.axes` describes the notation). An axis of records,
+        ``{"record": ss.Records.read("quakes")}``, drives the system with one record per point; an
+        axis ``scale`` multiplies them, and each motion covers the time of its record.
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory. They are
-        those of what a motion settles on; where drives are samples that end, those of the motion
-        over the declared span.
+        measures of the settled motion or, if drives are samples that end, of the motion over the
+        declared span.
     out : str or Path, optional
-        Store to write as the map is computed; one that is begun is taken up again. Without it the
-        map is in memory.
+        Path of the store; an incomplete store is resumed. By default the map is kept in memory.
     initial : mapping of str to float, optional
         Initial values at all points.
     span : (float, float), optional
-        Time span in place of that of the system: motions begin with it, are given up after 100
-        times as long, and end with it where drives are samples that end.
+        Time span that replaces the span of the system: motions start at its beginning, are
+        abandoned after 100 times its length, and end with it if drives are samples that end.
     settings : Settings, optional
-        How a motion settles, and the accuracy.
+        Criteria for settled motions, and the accuracy.
     seed : int
-        Of random and low-discrepancy samples.
+        Seed of random and low-discrepancy samples.
     carry : str, optional
-        Along this axis every point begins where the motion of the one before has settled, at the
-        same phase of the drives, as in an experiment: ``"omega"`` takes the values as they are
-        given, ``"omega up"`` and ``"omega down"`` by size, ``"omega both"`` up and from there down
-        again, on an axis ``direction`` of its own. The first point of a line begins as any motion
-        does, and so does the next one as long as none has settled. A motion that stops hands on
-        what it began with. What points hand on is in the variables ``carried_…``; an interrupted
-        line goes on from there.
+        Along this axis every point starts from the settled state of the previous one, at the same
+        phase of the drives, as in an experiment: ``"omega"`` takes the values as they are given,
+        ``"omega up"`` and ``"omega down"`` by size, ``"omega both"`` up and from there down again,
+        on an axis ``direction`` of its own. The first point of a line begins as any motion does,
+        and so does the next one as long as none has settled. A motion that stops hands on what it
+        began with. What points hand on is in the variables ``carried_…``; an interrupted line goes
+        on from there.
     adaptive : Adaptive, optional
         Compute finely only where something changes.
     scheduler : str

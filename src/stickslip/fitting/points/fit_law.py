@@ -1,4 +1,4 @@
-"""A friction law fitted to points of force over speed.
+"""A friction law fitted to measured points of force over speed.
 
 The points become a record: a surface that is given moves under the law through all measured speeds,
 one after the other, and the force of the law is compared with the measured ones at these times. So
@@ -42,15 +42,15 @@ _VISCOUS = 0.1  # of it, what the largest speed adds
 
 
 class LawFit(Fit):
-    """A friction law fitted to points of force over speed.
+    """A friction law fitted to measured points of force over speed.
 
-    Everything that a :class:`Fit` has, and:
+    It has all attributes of a :class:`Fit`, and:
 
     Attributes
     ----------
     law : FrictionLaw
     speeds, forces : array, shape (m,)
-        The points, in the order of their speeds.
+        The points, sorted by speed.
     """
 
     KIND: ClassVar[str] = "law fit"
@@ -125,20 +125,20 @@ def fit_law(
         mapping or a DataFrame has a column called ``v`` or ``speed`` and one called ``F`` or
         ``force``, or no others; a file its columns as that of :meth:`stickslip.Table.read`.
     law : FrictionLaw or str
-        One with a sliding force that depends on the speed alone, such as
+        A law whose sliding force depends on the speed alone, such as
         :data:`stickslip.laws.stribeck`; Coulomb's with a viscous part is ``ss.laws.coulomb``.
     free : mapping of str to (float, float) or None, or names, optional
-        Its parameters that are looked for, with bounds; by default all that are not given.
+        Parameters to fit, with bounds; by default all parameters without given values.
     parameters : mapping of str to float, optional
-        Values of the others; those of free ones are where the search begins.
+        Values of the other parameters, and start values of the fitted ones.
     noise : float, optional
         Standard deviation of the forces. By default it is estimated.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        Robust ones feel less of outliers.
+        Robust losses are less sensitive to outliers.
     starts, seed
         As of :func:`fit`.
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
@@ -149,8 +149,8 @@ def fit_law(
     Raises
     ------
     DeclarationError
-        If points are no numbers or too few, a speed is zero, forces have the wrong sign, the law is
-        none of dry friction, or the points do not depend on a parameter that is free.
+        If points are not numbers or too few, a speed is zero, forces have the wrong sign, the law
+        is not a law of dry friction, or the points do not depend on a fitted parameter.
 
     Examples
     --------

@@ -50,7 +50,7 @@ _FINEST = 1e-12  # part of the largest time that two samples are apart at least
 
 
 class Samples(TimeFunction):
-    """A function of time that is known at some times.
+    """A function of time given by samples.
 
     Parameters
     ----------
@@ -58,20 +58,21 @@ class Samples(TimeFunction):
         Increasing, at least two.
     values : array, shape (m,)
     kind : {"linear", "cubic", "hold"}
-        What it is in between: straight lines, the cubic spline (not-a-knot at the ends, or
-        periodic), or the value of the sample before.
+        Interpolation: piecewise linear, a cubic spline (not-a-knot at the ends, or periodic), or
+        the value of the previous sample.
     periodic : bool
-        Whether it repeats after ``times[-1] - times[0]``; its last value is its first, then.
+        Whether the function has the period ``times[-1] - times[0]``; the last value must equal the
+        first.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file`` and the names of its columns ``time`` and ``value``.
 
     Raises
     ------
     DeclarationError
-        If the times are no increasing numbers, a value is not finite, there are fewer than two, or
-        a periodic function ends elsewhere than it begins.
+        If the times are not increasing numbers, a value is not finite, there are fewer than two
+        samples, or the last value of a periodic function differs from the first.
 
     Examples
     --------
@@ -335,25 +336,26 @@ def noise(
     seed: int,
     kind: SampleKind = "linear",
 ) -> Samples:
-    """Noise for a drive: independent normal numbers at even times, and samples of them in between.
+    """Create noise for a drive: independent normal samples at equidistant times, interpolated in
+    between.
 
-    It is not white: a motion with dry friction has no meaning under white noise that does not
-    depend on how it is discretised. Its spectrum is that of `kind`, flat up to about a quarter of
-    1/period, and the motion under it is as exact as under any record. Halve the period, and divide
-    the deviation by √2, to see what depends on it.
+    The noise is not white: with dry friction, a motion under white noise depends on the
+    discretisation. The spectrum is that of the interpolation `kind`, flat up to about a quarter of
+    1/period, and the motion is as exact as for any record. To check the dependence on the period,
+    halve it and divide the deviation by √2.
 
     Parameters
     ----------
     span : (float, float)
-        It covers all of it.
+        Time span covered by the samples.
     period : float
         Time between the samples.
     deviation : float
         Standard deviation of the samples.
     seed : int
-        Of NumPy's generator: equal seeds give equal noise, on every machine.
+        Seed of NumPy's generator: equal seeds give equal noise on every machine.
     kind : {"linear", "cubic", "hold"}
-        What it is between the samples.
+        Interpolation between the samples.
 
     Returns
     -------

@@ -75,25 +75,26 @@ _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
 class Table:
-    """A curve, or a surface, that is known at some places.
+    """A curve or a surface given at points.
 
     Parameters
     ----------
     points : array, shape (m,), or pair of arrays, shapes (m,) and (n,)
-        Where it is known: increasing, at least two; of a surface the two axes of a grid.
+        Increasing points, at least two; for a surface, the two axes of a grid.
     values : array, shape (m,) or (m, n)
-        Of a curve, they may be formulas of the system's parameters, unless it is monotone.
+        Values at the points. For a curve they may be formulas of the parameters of the system,
+        except with ``"pchip"``.
     kind : {"linear", "pchip", "cubic"}
-        What it is in between: straight lines, of a surface bilinear; the monotone cubic of Fritsch
-        and Carlson, a curve with a continuous slope; or the cubic spline, not-a-knot at its ends,
-        of a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
+        Interpolation: piecewise linear, bilinear for a surface; the monotone cubic of Fritsch and
+        Carlson, for a curve with a continuous slope; or a cubic spline, not-a-knot at its ends, for
+        a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
         ``RectBivariateSpline(..., s=0)`` of SciPy.
     outside : {"refused", "constant", "linear"} or pair of these
-        What it is outside of the points: nothing, so that a motion that comes there ends with the
-        outcome *outside of a table*; the value at the end; or the straight line on which it ends. A
-        pair gives this below and above. By default nothing: what was not measured is not known.
+        Extrapolation: refused, so that a motion outside the points ends with the outcome *outside
+        of a table*; the value at the end; or linear with the slope at the end. A pair applies below
+        and above. Refused by default.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file``, and the names of its columns ``of`` and ``value``.
 
@@ -104,10 +105,10 @@ class Table:
 
     Notes
     -----
-    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. Of a curve, formulas
-    know the slope as ``d_mu(x)`` and the integral as ``integral_mu(x)``, exactly: the energy of a
-    spring with the force ``F(x)`` is ``integral_F(x)``. It is 0 at 0, or at the end of the table
-    that is nearest to 0.
+    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. For a curve, the
+    exact slope and integral are available as ``d_mu(x)`` and ``integral_mu(x)``: the energy of a
+    spring with the force ``F(x)`` is ``integral_F(x)``. The integral is 0 at 0, or at the end of
+    the table nearest to 0.
 
     Examples
     --------

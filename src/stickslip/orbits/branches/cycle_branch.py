@@ -131,18 +131,18 @@ def continue_cycle(
     parameter : str
         The parameter that changes.
     span : (float, float)
-        Its range, with the cycle's own value inside.
+        Its range, which contains the value of the cycle.
     steps : Steps, optional
     time_limit : float, optional
-        Seconds of wall-clock time after which the branch ends as it is.
+        Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional
-        Called with every new point (``.side``, ``.values``). By default there is a bar.
+        Called with every new point (``.side``, ``.values``). By default a progress bar is shown.
 
     Returns
     -------
     Branch
-        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the
-        kinds
+        In both directions from the cycle, through folds and changes of the sequence. ``special``
+        has the kinds
 
         - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``,
           ``"torus"``, ``"branch point"``;
@@ -153,9 +153,10 @@ def continue_cycle(
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 
-        Of driven systems ``time`` says when the state is passed.
+        For driven systems ``time`` is the time of the state.
 
-    Every point is a certified cycle within the range; what is not certified is not on the branch.
+    Every point is a certified cycle within the range; cycles that are not certified are not part of
+    the branch.
 
     Raises
     ------

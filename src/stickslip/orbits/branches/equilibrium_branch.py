@@ -92,31 +92,31 @@ def continue_equilibrium(
     span : (float, float)
         Its range.
     start : Equilibrium or mapping of str to float, optional
-        Where the branch starts, with the parameters it was found at; or a state near an
-        equilibrium. By default the first isolated equilibrium at the value in `parameters`, or at
-        the middle or an end of the range.
+        Start of the branch, with its parameters; or a state near an equilibrium. By default the
+        first isolated equilibrium at the value in `parameters`, or at the middle or an end of the
+        range.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     steps : Steps, optional
     time_limit : float, optional
-        Seconds of wall-clock time after which the branch ends as it is.
+        Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional
-        Called with every new point (``.side``, ``.values``). By default there is a bar.
+        Called with every new point (``.side``, ``.values``). By default a progress bar is shown.
 
     Returns
     -------
     Branch
-        Both ways from the start, through folds and through changes of the mode. ``special`` has the
-        kinds ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov
-        coefficient, see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"``
-        and ``"boundary equilibrium"``.
+        In both directions from the start, through folds and mode changes. ``special`` has the kinds
+        ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov coefficient,
+        see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"`` and
+        ``"boundary equilibrium"``.
 
     Raises
     ------
     DeclarationError
         If an argument is wrong, or the system depends on time.
     ConvergenceError
-        If there is no isolated equilibrium to start from.
+        If no isolated equilibrium is found as a start.
     """
     equations = autonomous(system)
     values = checked_values(system, parameters)

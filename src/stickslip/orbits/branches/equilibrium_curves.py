@@ -86,11 +86,11 @@ def hopf_curve(
     Returns
     -------
     Branch
-        With ``frequency`` and ``lyapunov`` at every point; how fast the rate of growth of the
-        oscillation rises with each parameter, ``growth_V``, so that the equilibrium is stable where
-        it falls; and ``unstable_others``, how many other eigenvalues are unstable. Special points:
-        ``"Bautin"`` (the first Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency
-        does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
+        With ``frequency`` and ``lyapunov`` at every point; the derivative of the growth rate of the
+        oscillation with respect to each parameter, ``growth_V``, so that the equilibrium is stable
+        on the side of decreasing growth; and ``unstable_others``, how many other eigenvalues are
+        unstable. Special points: ``"Bautin"`` (the first Lyapunov coefficient vanishes),
+        ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Raises
     ------

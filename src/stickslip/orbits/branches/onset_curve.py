@@ -95,7 +95,7 @@ def stick_onset_curve(
     DeclarationError
         If an argument is wrong.
     ConvergenceError
-        If no cycle that begins to stick is found at the point.
+        If no cycle with an onset of stick is found at the point.
     """
     if not isinstance(point, SpecialPoint) or point.kind != "stick onset" or point.period is None:
         given = (

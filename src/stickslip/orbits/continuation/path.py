@@ -84,15 +84,15 @@ class StepControl:
     first, smallest, largest : float
         Lengths of steps, in the caller's units.
     tolerance : float
-        Length of the last Newton correction.
+        Tolerance of the last Newton correction.
     rounding : float
-        A correction that would be shorter than this is not made.
+        Corrections shorter than this are not applied.
     left : float
-        What may be left of the equations, if further corrections make it smaller.
+        Admissible residual of the equations, if further corrections reduce it.
     turn : float
         Largest angle between the tangents at the ends of a step, in radians.
     most : int
-        Largest number of points.
+        Maximum number of points.
     """
 
     first: float = 0.01

@@ -54,10 +54,10 @@ def equilibria(
     parameters: Mapping[str, float] | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
 ) -> Equilibria:
-    """All equilibria that can be found: sliding ones, and sets of them in stick.
+    """Find all equilibria: isolated ones, and sets of equilibria in stick.
 
-    Sets are proved to be connected and complete, or the result says what is not known of them and
-    is not certified; isolated equilibria are looked for from many starts.
+    Sets are proved to be connected and complete; otherwise the result reports what is undecided,
+    and is not certified. Isolated equilibria are searched from many starts.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ def equilibria(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     box : mapping of str to (float, float), optional
-        Ranges of states within which isolated equilibria are looked for, and which sets must have
-        points in; by default around the declared initial state.
+        Ranges of states in which isolated equilibria are searched, and which sets must intersect;
+        by default around the declared initial state.
 
     Returns
     -------
     Equilibria
-        May be empty; its ``message`` then says what was tried and what came nearest.
+        May be empty; its ``message`` then reports what was tried and the closest candidate.
 
     Raises
     ------

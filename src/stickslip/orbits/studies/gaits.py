@@ -64,18 +64,18 @@ class Threshold:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitStudy(Result):
-    """The stable gait of a system over a parameter.
+    """Stable gaits of a system over a parameter.
 
     Attributes
     ----------
     system : System
     parameter : str
     parameters : dict of str to float
-        Of the others.
+        Values of the other parameters.
     dataset : xarray.Dataset
         Over the parameter.
     certificate : Certificate
-        Every residual of the gaits where it is worst.
+        The largest value of every residual over all gaits.
     """
 
     KIND: ClassVar[str] = "gait study"
@@ -170,7 +170,7 @@ def gait_study(
     parameters: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> GaitStudy:
-    """The stable gait of a system over a parameter.
+    """Stable gaits of a system over a parameter.
 
     Parameters
     ----------
@@ -178,12 +178,12 @@ def gait_study(
     parameter : str
     values : sequence of float
     initial : mapping of str to float, optional
-        State from which the first gait is looked for; by default the declared one. Each next one
-        starts from the last.
+        Initial state of the search for the first gait; by default the declared one. Each further
+        search starts from the previous gait.
     parameters : mapping of str to float, optional
         Values of the others.
     progress : callable, optional
-        Called with the fraction done before each gait.
+        Called with the completed fraction before each gait.
 
     Returns
     -------
@@ -268,7 +268,7 @@ def walking_threshold(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or both ends are of one kind.
+        If an argument is wrong, or both ends have the same behaviour.
     """
 
     def test(value: float, last: Cycle | None) -> Cycle | str:
@@ -287,14 +287,14 @@ def sliding_threshold(
     parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
-    """The parameter at which a state of rest begins to slide.
+    """Find the parameter value at which a state of rest begins to slide.
 
     Parameters
     ----------
     system : System
     parameter : str
     span : (float, float)
-        At rest at one end, sliding at the other.
+        A range with rest at one end and sliding at the other.
     initial : mapping of str to float
         The state of rest.
     parameters, tolerance
@@ -303,7 +303,7 @@ def sliding_threshold(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or both ends are of one kind.
+        If an argument is wrong, or both ends have the same behaviour.
     """
 
     def test(value: float, last: Cycle | None) -> Cycle | str | None:

@@ -126,9 +126,9 @@ class HysteresisOperator:
     input : str
         Name of ψ.
     output : (str, str)
-        The coordinates whose difference d is.
+        The coordinates whose difference is d.
     legs : dict of str to (Curve, Curve)
-        By contact: its own lower and upper bound, such as G_R⁻, G_R⁺.
+        Lower and upper bounds of each contact, such as G_R⁻, G_R⁺.
     """
 
     input: str

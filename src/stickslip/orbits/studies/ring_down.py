@@ -51,14 +51,14 @@ _SAMPLES = 4000  # of the motion, for pictures
 class RingDown(Result):
     """The decay of a free vibration, half-cycle by half-cycle.
 
-    ``ring_down.table`` is a pandas.DataFrame, one row a half-cycle.
+    ``ring_down.table`` is a pandas.DataFrame with one row per half-cycle.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
     coordinate : str
-        Whose vibration it is.
+        The vibrating coordinate.
     dataset : xarray.Dataset
         Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
         points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
@@ -70,13 +70,13 @@ class RingDown(Result):
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
-        Remarks: from where on the decay is not followed, or that amplitudes grow.
+        Remarks, such as the time after which the decay is not evaluated, or growing amplitudes.
     ended : str
-        How the motion ended, if not as it should.
+        Outcome of the motion, if it did not reach its end.
     interrupted, time_up : bool
         Whether the user, or the time limit, ended the motion.
     certificate : Certificate
-        That of the motion, with the velocities at the turning points.
+        The certificate of the motion, with the velocities at the turning points.
     """
 
     KIND: ClassVar[str] = "ring-down"
@@ -225,40 +225,41 @@ def ring_down(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RingDown:
-    """How a free vibration decays: amplitude, frequency and damping of every half-cycle.
+    """Analyse the decay of a free vibration: amplitude, frequency and damping of every half-cycle.
 
     Parameters
     ----------
     system : System
-        Nothing in it depends on time.
+        A system that does not depend on time.
     span : (float, float), optional
         Start and end of the motion; by default the system's own span.
     initial : mapping of str to float, optional
-        State from which it is let go; by default the declared one.
+        Initial state; by default the declared one.
     coordinate : str, optional
-        Whose vibration it is: an inertial coordinate, or an unknown of a structure, such as
-        ``"u[tip]"``; by default the first inertial coordinate, or the first unknown with a name.
+        The vibrating coordinate: an inertial coordinate, or a degree of freedom of a structure,
+        such as ``"u[tip]"``; by default the first inertial coordinate, or the first named degree of
+        freedom.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
-        Quality of the motion, as of :func:`stickslip.simulate`. Half-cycles below 10⁴ rtol of the
-        largest amplitude are left out.
+        Accuracy of the motion, as in :func:`stickslip.simulate`. Half-cycles below 10⁴ rtol of the
+        largest amplitude are omitted.
     max_events : int
         Limit on the number of events.
     time_limit : float, optional
-        Seconds of wall-clock time after which the motion ends as it is.
+        Wall-clock limit of the motion in seconds.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
     RingDown
-        Without half-cycles if the coordinate does not swing.
+        Empty if the coordinate does not oscillate.
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, a drive acts, or the coordinate has no mass.
+        If an argument is wrong, the system is driven, or the coordinate has no mass.
 
     Examples
     --------

@@ -65,8 +65,8 @@ class Polytope(Dissipation, kind="polytope"):
     Raises
     ------
     DeclarationError
-        If 0 lies outside at a phase, the half-spaces leave a direction unbounded, or sizes do not
-        fit.
+        If 0 lies outside at a phase, the half-spaces do not bound every direction, or shapes do not
+        match.
     """
 
     vertices: Any = None

@@ -42,7 +42,7 @@ class Product(Dissipation):
             if not isinstance(factor, Dissipation):
                 raise DeclarationError(
                     f"factors[{k}]",
-                    f"a {type(factor).__name__} is not a dissipation potential",
+                    f"expected a dissipation potential, got {type(factor).__name__}",
                     "Give potentials",
                 )
 

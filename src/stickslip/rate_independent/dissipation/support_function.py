@@ -30,19 +30,19 @@ class SupportFunction(Dissipation):
     dimension : int
         n.
     subgradient : callable (s, v) -> array of shape (n,), optional
-        A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v). By default it is found from differences of Ψ.
+        A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v). By default it is computed from differences of Ψ.
     depends_on_phase : bool
 
     Raises
     ------
     DeclarationError
-        If Ψ is negative, not finite, not homogeneous or not convex where it is looked at.
+        If Ψ is negative, not finite, not homogeneous or not convex at a sampled point.
 
     Notes
     -----
-    Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of the size of
-    K(s), or the call stops with a ConvergenceError. Without a given subgradient that becomes 1e-6
-    at worst, where corners of K(s) meet curved parts, and everything takes some four times as long.
+    Nearest points are computed from subgradients only. Distances are accurate to 1e-9 of the size
+    of K(s), or a ConvergenceError is raised. Without a given subgradient the accuracy is 1e-6 at
+    worst, where corners of K(s) meet curved parts, and computations take about four times as long.
     """
 
     @validated

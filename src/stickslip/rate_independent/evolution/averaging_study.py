@@ -34,7 +34,7 @@ _GRID = 1024  # intervals of the span on which the modulus of continuity is meas
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AveragingStudy(Result):
-    """z_ε compared with the averaged motion z_0. |·| is the energy norm √⟨Az, z⟩.
+    """Comparison of z_ε with the averaged motion z_0. |·| is the energy norm √⟨Az, z⟩.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class AveragingStudy(Result):
         meaning for z_0 is there, too, as ``averaged_...``. Moduli are measured on a grid of 1024
         intervals (fewer if n > 16384).
     certificate : Certificate
-        Every residual of the motions where it is worst.
+        The largest value of every residual over all motions.
     stopped : str
-        Empty, or what stopped the study early.
+        Empty, or the reason for an early stop of the study.
     """
 
     KIND: ClassVar[str] = "averaging study"
@@ -160,7 +160,7 @@ def averaging_study(
     tolerance: float = 1e-4,
     progress: Callable[[float], None] | None = None,
 ) -> AveragingStudy:
-    """How z_ε converges to the averaged motion as ε → 0 ([M] Theorem 2.2).
+    """Study the convergence of z_ε to the averaged motion as ε → 0 ([M] Theorem 2.2).
 
     Parameters
     ----------
@@ -169,15 +169,18 @@ def averaging_study(
     epsilons : sequence of float
         Periods.
     tolerance : float
-        Of the adaptive evolutions; the distance is known to about that much, relative to the size
-        of the weights. A scalar problem with weighted ℓ1 dissipation is a play, which is exact.
+        Tolerance of the adaptive evolutions and approximate accuracy of the distance, relative to
+        the size of the weights. A scalar problem with weighted ℓ1 dissipation is a play, which is
+        exact.
     progress : callable, optional
-        Called now and then with the fraction done. By default there is a bar on a terminal.
+        Called repeatedly with the completed fraction. By default a progress bar is shown on a
+        terminal.
 
     Returns
     -------
     AveragingStudy
-        Ctrl-C, or an evolution that stops early, ends it with the ε done so far.
+        Ctrl-C, or an evolution that stops early, ends the study with the values of ε completed so
+        far.
 
     Raises
     ------
@@ -185,7 +188,7 @@ def averaging_study(
         If an ε is not positive, the dissipation does not depend on the phase, or the initial state
         is not stable at every phase.
     ConvergenceError
-        If not even the first ε can be computed.
+        If the first ε cannot be computed.
     """
     periods = _checked_periods(epsilons)
     check_tolerances(tolerance=tolerance)

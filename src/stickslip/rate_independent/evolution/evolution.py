@@ -37,7 +37,7 @@ class Evolution:
     Parameters
     ----------
     A : array or sparse array, shape (n, n)
-        Dense, or any SciPy sparse format (as scikit-fem assembles it).
+        Dense, or in any SciPy sparse format (as assembled by scikit-fem).
     load : callable, (times, values), or list of formulas
         ℓ: a function t → (n,); or a table, linear in between; or n formulas in ``t``.
     dissipation : Dissipation
@@ -47,13 +47,13 @@ class Evolution:
     epsilon : float
         Period of the dissipation in the units of time.
     span : (float, float), optional
-        Start, at which `initial` holds, and end. By default that of a table, or (0, 1).
+        Start, at which `initial` is given, and end. By default the span of a table, or (0, 1).
 
     Raises
     ------
     DeclarationError
-        If A is not symmetric or not positive definite, sizes do not fit, a number is not finite,
-        some K(s) does not contain 0, or the initial state is not stable.
+        If A is not symmetric positive definite, shapes do not match, a number is not finite, some
+        K(s) does not contain 0, or the initial state is not stable.
 
     Examples
     --------

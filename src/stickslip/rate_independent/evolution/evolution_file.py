@@ -32,7 +32,7 @@ EVOLUTIONS = toml.Language(
 
 @validated
 def load_evolution(path: str | PathLike[str]) -> EvolutionModel:
-    """The evolution that a model file declares.
+    """Load an evolution from a model file.
 
     Parameters
     ----------

@@ -52,36 +52,37 @@ def evolve(
     start: History | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> History:
-    """The evolution in time, by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z
-    − z_{k−1}).
+    """Compute an evolution by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z −
+    z_{k−1}).
 
     Parameters
     ----------
     problem : Evolution
     times : (float, float) or array, optional
-        Start and end, or the times of all steps; begins where `initial` holds. By default the
-        problem's span.
+        Start and end, or the times of all steps; starts at the time of `initial`. By default the
+        span of the problem.
     steps : int, optional
-        For (start, end): as many steps of equal length. Without it, steps are adaptive: at least 8
-        per period and 64 in all, halved where the energy balance needs it.
+        Number of equal steps between start and end. By default steps are adaptive: at least 8 per
+        period and 64 in total, halved as the energy balance requires.
     output : int or array, optional
-        Times at which z is kept (steps end there, too); or keep it after every so many steps. By
-        default every step is kept while that is not too much memory (160 MB), then every second,
-        and so on.
+        Times at which z is stored (steps end there, too), or the number of steps between stored
+        values. By default every step is stored up to a memory limit (160 MB), then every second
+        step, and so on.
     observables : mapping of str to callable, optional
         Functions (t, z) → number or array that are recorded at every step.
     tolerance : float
-        Of the energy balance (E), relative to the energy that flows. Adaptive steps keep it, the
-        certificate asks for it; between the steps, forces leave K by no more than it, relative to
-        the largest weight.
+        Tolerance of the energy balance (E), relative to the energy transferred. It controls
+        adaptive steps and is the limit of the certificate; between steps, the distance of forces
+        from K is at most this fraction of the largest weight.
     kkt : float
         Largest KKT residual of a step, relative to the largest weight.
     solver : {"dense", "multigrid"}, optional
-        By default what suits the problem.
+        By default chosen by the problem.
     start : History, optional
-        A result, returned or stored, that is continued with the times after its end.
+        A returned or stored result to be continued with times after its end.
     progress : callable, optional
-        Called now and then with the fraction done. By default there is a bar on a terminal.
+        Called repeatedly with the completed fraction. By default a progress bar is shown on a
+        terminal.
 
     Returns
     -------
@@ -95,8 +96,8 @@ def evolve(
 
     Notes
     -----
-    Where all components that move keep moving, weighted ℓ1 steps are exact at their ends, however
-    long they are. Otherwise the error is of the first order in the step; adaptive steps make it
+    Where all moving components keep moving, weighted ℓ1 steps are exact at their ends, independent
+    of their length. Otherwise the error is of the first order in the step; adaptive steps make it
     proportional to `tolerance` (to its square root for potentials whose K is curved).
     """
     began = time.perf_counter()

@@ -35,9 +35,9 @@ class History(Result):
         the last state.
     outcome : EvolutionOutcome
     detail : str
-        What exactly stopped it, if it did not reach the end.
+        The reason, if the evolution did not reach its end.
     tolerance, kkt : float
-        What the certificate compares with.
+        Tolerances of the certificate.
     wall_time : float
         Seconds.
     """

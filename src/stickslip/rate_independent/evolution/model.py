@@ -35,7 +35,8 @@ _SPAN = DefaultSpan((0.0, 1.0))
 
 @dataclass(frozen=True)
 class EvolutionModel:
-    """A rate-independent evolution, or a dissipation potential alone, as texts and numbers.
+    """Declaration of a rate-independent evolution, or of a dissipation potential, by formulas and
+    numbers.
 
     Attributes
     ----------
@@ -45,15 +46,15 @@ class EvolutionModel:
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
     drives : mapping of str to formula or Samples
-        Functions of time that the load may use, such as ``{"ell": "V*t"}``, or measured ones. These
-        may be multiplied by numbers and added in the load.
+        Functions of time for use in the load, such as ``{"ell": "V*t"}``, or measured ones.
+        Measured drives may be multiplied by numbers and added.
     A : matrix of formulas
-        (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only
-        the dissipation is meant.
+        Shape (n, n), formulas of the parameters; a single formula if n = 1. Optional, with the
+        load, if only the dissipation is declared.
     load : list of formulas
-        n formulas of ``t``; a single one if n = 1.
+        n formulas of ``t``; a single formula if n = 1.
     dissipation : mapping
-        ``kind``, one of ``Dissipation.kinds``, and what that kind takes, formulas of ``s``.
+        ``kind``, one of ``Dissipation.kinds``, and the fields of this kind, formulas of ``s``.
     initial : list of formulas
         By default 0.
     epsilon : formula
@@ -61,12 +62,13 @@ class EvolutionModel:
     span : (formula, formula)
         By default from 0 to 1, or, where drives are samples that end, what all of these cover.
     steps : int or None
-        Steps of equal length; adaptive if None.
+        Number of equal steps; adaptive if None.
 
     Raises
     ------
     DeclarationError
-        If anything is wrong; the message names the key, the reason and the remedy.
+        If anything in the declaration is wrong; the message names the key, the reason and the
+        remedy.
     """
 
     name: str

@@ -144,7 +144,7 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     Parameters
     ----------
     load : array, shape (n,)
-        Samples of ℓ, in their order; only the sequence of turning points matters.
+        Samples of ℓ in order; only the sequence of turning points matters.
     radii : array, shape (m,)
         Thresholds r_i >= 0.
     initial : float or array of shape (m,)
@@ -157,7 +157,8 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     Raises
     ------
     DeclarationError
-        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+        If a number is not finite (its index is reported), a radius is negative, or shapes do not
+        match.
     """
     samples_, r, z = _bank(load, radii, initial)
     out = np.empty((len(samples_), len(r)))
@@ -169,13 +170,13 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
 def prandtl_ishlinskii(
     load: ArrayLike, radii: ArrayLike, weights: ArrayLike, *, initial: ArrayLike = 0.0
 ) -> Array:
-    """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the
-    plays.
+    """Evaluate the Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing
+    the plays.
 
     Parameters
     ----------
     load : array, shape (n,)
-        Samples of ℓ, in their order; only the sequence of turning points matters.
+        Samples of ℓ in order; only the sequence of turning points matters.
     radii : array, shape (m,)
         Thresholds r_i >= 0 of the plays z_i, which stay between ℓ − r_i and ℓ + r_i.
     weights : array, shape (m,)
@@ -190,7 +191,8 @@ def prandtl_ishlinskii(
     Raises
     ------
     DeclarationError
-        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+        If a number is not finite (its index is reported), a radius is negative, or shapes do not
+        match.
 
     Examples
     --------

@@ -81,10 +81,9 @@ def play(
     Parameters
     ----------
     load : str, float, callable or (times, values)
-        ℓ: a formula in ``t``, a function of t (for numbers; one that also takes arrays is faster),
-        or samples.
+        ℓ: a formula in ``t``, a function of t (vectorised functions are faster), or samples.
     threshold : the same, or a pair of them
-        ρ >= 0, or (ρ⁺, ρ⁻): what a motion upward and a motion downward have to overcome.
+        ρ >= 0, or (ρ⁺, ρ⁻) for motion upward and downward.
     t_span : (float, float)
         Start and end.
     initial : float
@@ -95,7 +94,7 @@ def play(
     stiffness : float
         a > 0.
     interpolation : {"linear", "monotone"}
-        What samples mean between them: straight lines, or monotone cubics (PCHIP).
+        Interpolation of samples: piecewise linear, or monotone cubics (PCHIP).
 
     Returns
     -------
@@ -111,12 +110,12 @@ def play(
     -----
     Samples are taken as they are. Formulas and functions are replaced by polynomials that agree
     with them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
-    times the slope); a turning point is then not missed, however close it is to the next, unless
-    the excursion between them is below that. The corners of a formula (abs, min, max, clip,
-    piecewise) are found from its text, and what polynomials can miss of it is bounded: no feature
-    is too narrow. The corners of a function are found from the polynomials that fail there; not
-    seen of a function is what is narrower than about 1/200 of the span (of the period, if `epsilon`
-    is given), and the certificate says at how many points it was looked at.
+    times the slope); turning points are then resolved unless the excursion between them is smaller
+    than that. The kinks of a formula (abs, min, max, clip, piecewise) are found from the formula,
+    and the approximation error is bounded, so no feature is too narrow. The kinks of a function are
+    found from polynomials that fail to converge; features of a function narrower than about 1/200
+    of the span (of the period, if `epsilon` is given) may be missed, and the certificate states the
+    number of sample points.
 
     Examples
     --------
@@ -254,7 +253,8 @@ class Play(Result):
     bounds : Bounds
         Load, thresholds and stiffness.
     nodes : Nodes
-        Times between which z rests or follows one bound, positions there, and the modes in between.
+        Times between which z is constant or follows one bound, positions at these times, and modes
+        in between.
     declared : mapping of str to anything
         Load, threshold, span, period, stiffness and interpolation as they were given.
     """

@@ -42,18 +42,18 @@ _GAP = 1.5  # steps, from which on something is missing
 
 
 class Records(Mapping[str, Mapping[str, Samples]]):
-    """Records, by name: what drives a system is one of them after the other.
+    """Named records, each of which drives a system once.
 
     Parameters
     ----------
     records : mapping of str to Samples, or to mapping of str to Samples
-        By name: the record of the only drive of a system, or those of several drives by their
-        names, such as two components of a ground motion.
+        For each name the record of the only drive of a system, or records of several drives by
+        their names, such as two components of a ground motion.
 
     Raises
     ------
     DeclarationError
-        If there are none, two are the same, or they drive different things.
+        If there are no records, two are identical, or they drive different inputs.
 
     Examples
     --------
