@@ -144,7 +144,7 @@ class Described(Protocol):
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         ...
 
     @property
@@ -153,11 +153,11 @@ class Described(Protocol):
         ...
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         ...
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         ...
 
     def overview(self, ax: Axes | None = None) -> Figure:

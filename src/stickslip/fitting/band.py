@@ -74,7 +74,7 @@ class Band(Result):
 
     @property
     def parameter(self) -> str:
-        """What the branch runs over."""
+        """The parameter of the branch."""
         return self.branch.parameter
 
     @property
@@ -89,7 +89,7 @@ class Band(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a branch."""
+        """Title of the system."""
         return self.branch.title
 
     @property
@@ -99,7 +99,7 @@ class Band(Result):
 
     @property
     def message(self) -> str:
-        """Where special points are, how well that is known, and what is not."""
+        """Special points with their uncertainties."""
         return "\n".join([*self._uncertain(), self.branch.ended, *self.notes])
 
     @property
@@ -118,7 +118,7 @@ class Band(Result):
         return found
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         special = [
             {"kind": str(kind), "value": float(value), "sd": float(sd)}
@@ -129,7 +129,7 @@ class Band(Result):
         return {**self.branch.facts(), "uncertain": special, "notes": list(self.notes)}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         points = self.branch.rows()[:1]
         special = shortened([("special point", text) for text in self._uncertain()])
         notes = shortened([("note", text) for text in self.notes])
@@ -148,7 +148,7 @@ class Band(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A band as it was."""
+        """Restore a stored band."""
         branch = Branch.restored(data, parts, where)
         return cls(branch, data, tuple(json.loads(parts["notes"])))
 

@@ -69,22 +69,22 @@ class Comparison(Result):
 
     @property
     def names(self) -> list[str]:
-        """What the models are called."""
+        """Names of the models."""
         return [str(name) for name in self.dataset["model"].values]
 
     @property
     def best(self) -> Fit:
-        """The fit with the least AICc."""
+        """The fit with the smallest AICc."""
         return self.fits[int(np.argmin(self.dataset["aicc"].values))]
 
     @property
     def decided(self) -> bool:
-        """Whether the data decide: the best has 0.95 of the weight."""
+        """Whether the data discriminate: the best model has at least 0.95 of the weight."""
         return bool(np.max(self.dataset["weight"].values) >= _DECIDED)
 
     @property
     def verdict(self) -> str:
-        """What the data say, in words."""
+        """Conclusion of the comparison."""
         i = int(np.argmin(self.dataset["aicc"].values))
         share = float(self.dataset["weight"].values[i])
         if self.decided:
@@ -104,7 +104,7 @@ class Comparison(Result):
 
     @property
     def title(self) -> str:
-        """What is compared."""
+        """Names of the compared systems."""
         return "Comparison of " + ", ".join(self.names)
 
     @property
@@ -114,13 +114,13 @@ class Comparison(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether all fits came to their ends."""
+        """Whether all fits were completed."""
         complete = all(f.complete for f in self.fits)
         return Completion.FINISHED if complete else Completion.INTERRUPTED
 
     @property
     def message(self) -> str:
-        """The verdict, and what the data do not bound."""
+        """The verdict, and the parameters that the data do not determine."""
         flat = [
             f"{model}: the data do not determine {', '.join(names)}"
             for model, names in self.flat.items()
@@ -130,11 +130,11 @@ class Comparison(Result):
 
     @property
     def certificate(self) -> Certificate:
-        """Every residual of the fits where it is worst."""
+        """The largest value of every residual over all fits."""
         return worst([f.certificate for f in self.fits])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             "models": self.table.to_dict("list"),
             "decided": self.decided,
@@ -144,7 +144,7 @@ class Comparison(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         rows = [("verdict", line) for line in self.message.splitlines()]
         data = self.dataset
         for i, name in enumerate(self.names):
@@ -179,7 +179,7 @@ class Comparison(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A comparison as it was."""
+        """Restore a stored comparison."""
         fits = []
         for i in range(json.loads(parts["count"])):
             own = json.loads(parts[f"fit_{i}"])

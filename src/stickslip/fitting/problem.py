@@ -96,12 +96,12 @@ class FitProblem:
 
     @property
     def start(self) -> Array:
-        """Where to begin, shape (unknowns,)."""
+        """Start values, shape (unknowns,)."""
         return np.array([u.start for u in self.unknowns])
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Least and largest values, as ``scipy.optimize.least_squares`` takes them."""
+        """Lower and upper bounds, as for ``scipy.optimize.least_squares``."""
         return np.array([u.low for u in self.unknowns]), np.array([u.high for u in self.unknowns])
 
     @cached_property
@@ -152,7 +152,7 @@ class FitProblem:
         return r if np.max(np.abs(r), initial=0.0) < _SQUARED else np.full(len(r), np.inf)
 
     def reason(self, p: Any) -> str:
-        """Why there is no motion for some values; empty if there is one."""
+        """Reason why the motion cannot be computed for given values; empty if it can."""
         return self.evaluate(p).reason
 
     def jacobian(self, p: Any) -> Array:
@@ -237,7 +237,7 @@ class FitProblem:
         return parameters, initial
 
     def evaluate(self, p: Any) -> Evaluated:
-        """The motions for some values of the unknowns, and what was measured of them."""
+        """Motions for given values of the unknowns, with the measured quantities."""
         p = self._checked(p)
         key = p.tobytes()
         for known, found in self._kept:

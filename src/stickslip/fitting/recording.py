@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def source(self) -> str:
-        """How messages call it."""
+        """Name in messages."""
         return str(self.table.attrs.get("source", "data"))
 
     @property

@@ -206,7 +206,7 @@ class System:
 
     @property
     def written_structures(self) -> Mapping[str, InModes]:
-        """What is left of structures where the system is written out."""
+        """The structures in the expanded system."""
         return cast("Mapping[str, InModes]", self.plain.structures)
 
     @cached_property
@@ -226,12 +226,12 @@ class System:
 
     @property
     def followed(self) -> list[str]:
-        """What a person follows: places and outputs."""
+        """Coordinates and outputs."""
         return [*self.places, *self.outputs]
 
     def unknown(self, name: str) -> dict[str, float]:
-        """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
-        name."""
+        """Modal coefficients of a degree of freedom of a structure, or of its rate; empty for an
+        unknown name."""
         if not self.structures:
             return {}
         from stickslip.structures.coordinates import row_of
@@ -416,19 +416,19 @@ class System:
         return self.declaration.value(expression, {**self.values, **given})
 
     def left_out(self, start: float, end: float) -> list[str]:
-        """What a motion over a time span leaves out of the records that drive it, in words."""
+        """Describe the parts of driving records that a motion over a time span omits."""
         from stickslip.model.names import parts_left_out
 
         return parts_left_out(self.declaration.given, start, end, self.time_unit)
 
     def heading(self) -> dict[str, Any]:
-        """What a summary of its results says of it: its name and its given functions."""
+        """Heading of summaries: the name and the given functions."""
         given = {**self.functions, **self.drives} | {k: str(t) for k, t in self.tables.items()}
         shown = {k: str(f) if isinstance(f, TimeFunction) else f for k, f in given.items()}
         return {"model": self.name, "functions": shown}
 
     def equations(self, latex: bool = False) -> Any:
-        """The equations as a person would write them: Unicode text, or LaTeX."""
+        """The equations in mathematical notation, as Unicode text or LaTeX."""
         from stickslip.display.equations import Equations
 
         shown = Equations(self)

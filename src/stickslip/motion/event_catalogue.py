@@ -152,7 +152,7 @@ class EventCatalogue(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the catalogue."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -162,14 +162,14 @@ class EventCatalogue(Result):
 
     @property
     def message(self) -> str:
-        """How many there are."""
+        """Number of events."""
         start, end = self.span
         if not len(self):
             return f"no slip begins and ends in t = {start:g} ... {end:g}"
         return f"{len(self)} events in t = {start:g} ... {end:g}"
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         names = ("size", "duration", "interevent", "energy_released", "energy_drop")
         return {
@@ -185,7 +185,7 @@ class EventCatalogue(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         start, end = self.span
         rows = [("events", f"{len(self):,}"), ("time", f"{start:g} to {end:g}")]
         if said := self.dataset.attrs.get("events"):
@@ -225,7 +225,7 @@ class EventCatalogue(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A catalogue as it was."""
+        """Restore a stored catalogue."""
         from stickslip.model.system_file import loads
 
         first, last = json.loads(parts["span"])
@@ -239,7 +239,7 @@ class EventCatalogue(Result):
 
     @classmethod
     def joined(cls, pieces: Sequence[EventCatalogue]) -> EventCatalogue:
-        """The catalogue of motions that follow each other.
+        """Join the catalogues of consecutive motions.
 
         Parameters
         ----------

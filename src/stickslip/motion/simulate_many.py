@@ -70,18 +70,18 @@ class Ensemble(Result):
 
     @property
     def title(self) -> str:
-        """Of what they are motions."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """How many motions ended how."""
+        """Numbers of motions by outcome."""
         codes, numbers = np.unique(self.dataset["outcome"].values, return_counts=True)
         return {Outcome.from_code(int(c)): int(n) for c, n in zip(codes, numbers, strict=True)}
 
     @property
     def outcome(self) -> Completion:
-        """Whether all came to their end."""
+        """Whether all motions reached their end."""
         if Outcome.INTERRUPTED in self.counts:
             return Completion.INTERRUPTED
         if Outcome.TIME_UP in self.counts:
@@ -91,7 +91,7 @@ class Ensemble(Result):
 
     @property
     def message(self) -> str:
-        """How many ended how, and what that means where it is not their end."""
+        """Numbers of outcomes, with explanations of early ends."""
         found = self.counts.items()
         said = ", ".join(f"{number} {outcome.label}" for outcome, number in found)
         why = {f"{outcome.label}: {outcome.message}" for outcome, _ in found if not outcome.ok}
@@ -99,18 +99,18 @@ class Ensemble(Result):
 
     @property
     def certificate(self) -> Certificate:
-        """Final states alone cannot be audited: `simulate` certifies a motion."""
+        """Final states alone are not audited; use `simulate` for a certified motion."""
         unaudited = Residual("motions not audited", float(len(self)), 0.0)
         return Certificate((unaudited,), notes=tuple(self.warnings))
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         ended = {outcome.label: number for outcome, number in self.counts.items()}
         found = {**self.system.heading(), "motions": len(self), "ended": ended}
         return {**found, "warnings": self.warnings}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         ended = [(f"  {outcome.label}", str(number)) for outcome, number in self.counts.items()]
         return [("motions", str(len(self))), *ended, *(("warning", w) for w in self.warnings)]
 
@@ -130,7 +130,7 @@ class Ensemble(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """An ensemble as it was."""
+        """Restore a stored ensemble."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")

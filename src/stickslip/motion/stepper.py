@@ -290,12 +290,12 @@ class Stepper:
         raise ConvergenceError(f"the motion ends at t = {self.time:.9g}", outcome.message)
 
     def save(self) -> StepperState:
-        """Where it is, to come back to."""
+        """Save the current state."""
         lane = tuple(part.copy() for part in self._lanes.now)
         return StepperState(self.time, self.inputs, lane, self._numbers.copy())
 
     def restore(self, state: StepperState) -> None:
-        """Go back to where it was when the state was saved.
+        """Restore a saved state.
 
         Raises
         ------

@@ -99,7 +99,7 @@ class Trajectory(Result):
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         if self.outcome.ok:
             return self.outcome.message
         label = self.outcome.label
@@ -607,11 +607,11 @@ class Trajectory(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the motion."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "t_span": list(self.t_span),
@@ -624,7 +624,7 @@ class Trajectory(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         from stickslip.display.symbols import unicode_symbol
 
         final = [f"{unicode_symbol(name)} = {value:.6g}" for name, value in self.final.items()]
@@ -724,7 +724,7 @@ class Trajectory(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A motion from its knots."""
+        """Restore a stored motion from its knots."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")

@@ -98,7 +98,7 @@ class InModes:
         return self.structure.unit
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands."""
+        """Index of a degree of freedom."""
         return self.structure.index(unknown)
 
     def key(self, index: int) -> UnknownKey:

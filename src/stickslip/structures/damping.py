@@ -47,7 +47,7 @@ class ProportionalDamping:
         return self.alpha + self.beta * squares
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"alpha": self.alpha, "beta": self.beta}
 
 
@@ -95,7 +95,7 @@ class ModalDamping:
         return 2.0 * ratios[each] * np.sqrt(squares)
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"ratios": self.ratios}
 
 

@@ -145,12 +145,12 @@ class Structure:
 
     @property
     def unknowns(self) -> int:
-        """How many unknowns formulas may name."""
+        """Number of degrees of freedom available in formulas."""
         return int((self.mass if self.basis is None else self.basis).shape[0])
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates it moves by: as many, unless it has a basis."""
+        """Number of coordinates; the number of degrees of freedom, unless a basis is given."""
         return int(self.mass.shape[0])
 
     @property
@@ -163,11 +163,11 @@ class Structure:
         return {index: name for name, index in self.indices.items()}
 
     def key(self, index: int) -> UnknownKey:
-        """What an unknown is called: by its name, if it has one."""
+        """Name of a degree of freedom, or its index if it has none."""
         return self._called.get(index, index)
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands.
+        """Index of a degree of freedom.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class Structure:
         return shapes if self.basis is None else self.basis @ shapes
 
     def shape_at(self, index: int) -> Array:
-        """What the modes are at one unknown, shape (n,)."""
+        """Values of the mode shapes at one degree of freedom, shape (n,)."""
         shapes = self._eigen[1]
         return shapes[index] if self.basis is None else self.basis[index] @ shapes
 
@@ -278,7 +278,7 @@ class Structure:
         *,
         method: Method = "craig-bampton",
     ) -> Structure:
-        """A structure with fewer coordinates that moves alike below some frequency.
+        """Reduce the structure to fewer coordinates, with the same dynamics at low frequencies.
 
         Parameters
         ----------
@@ -363,7 +363,7 @@ class Structure:
         return found
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it: its arrays as one text."""
+        """Plain data for a model file, with arrays as one string."""
         from stickslip.structures.files import packed_structure
 
         return packed_structure(self)
@@ -405,7 +405,7 @@ class Structure:
         return f"{self.unknowns:,} degrees of freedom{named}{by}"
 
     def summary(self) -> Summary:
-        """What there is to say on a page: sizes, frequencies, damping, what was left out."""
+        """Summary: sizes, frequencies, damping, and omitted modes."""
         from stickslip.results import Summary
 
         rows = [("unknowns", f"{self.unknowns:,}")]

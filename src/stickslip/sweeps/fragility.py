@@ -77,27 +77,27 @@ class Fragility(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is."""
+        """Title of the system."""
         return str(self.dataset.attrs["title"])
 
     @property
     def table(self) -> pandas.DataFrame:
-        """One row for each scale, and each value of what else varies."""
+        """One row per scale and value of the other axes."""
         return self.dataset[list(_ITS_OWN)].to_dataframe().reset_index()
 
     @property
     def limit(self) -> str:
-        """What is exceeded, in words."""
+        """Description of the limit."""
         about = self.dataset.attrs
         return f"{about['measure']} > {with_unit(float(about['limit']), about['units'])}"
 
     @property
     def message(self) -> str:
-        """How many records there are, and what they exceed."""
+        """Number of records and the limit."""
         return f"{self.dataset.attrs['total']} records, {self.limit}"
 
     def levels(self, named: Callable[[str], str] = str) -> Iterator[tuple[str, xarray.Dataset]]:
-        """Over the scale alone, for all values of what else varies, with what these are.
+        """Curves over the scale for all values of the other axes, with these values.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Fragility(Result):
             yield ", ".join(said), part
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         about = self.dataset.attrs
         return {
             **self.system.heading(),
@@ -130,7 +130,7 @@ class Fragility(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         rows = [("records", str(self.dataset.attrs["total"])), ("limit", self.limit)]
         unit = str(self.dataset[self.along].attrs.get("units", ""))
         fits: list[tuple[str, str]] = []
@@ -159,7 +159,7 @@ class Fragility(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A fragility as it was."""
+        """Restore a stored fragility."""
         from stickslip.model.system_file import loads
 
         return cls(

@@ -90,7 +90,7 @@ class FrequencyResponse(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the response."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -103,7 +103,7 @@ class FrequencyResponse(Result):
 
     @property
     def message(self) -> str:
-        """How many lines there are, what is special on them, and where there is no response."""
+        """Number of lines, their special points, and gaps in the response."""
         data = self.dataset
         lines = len(np.unique(data["line"]))
         count = f"lines: {lines}, with {data.sizes['point']} points"
@@ -118,7 +118,7 @@ class FrequencyResponse(Result):
         return self.dataset.isel(point=np.flatnonzero(self.dataset["line"].values == number))
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         return {
             **self.system.heading(),
@@ -142,7 +142,7 @@ class FrequencyResponse(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         rows = [("response", f"of {self.coordinate} to {data.attrs['drive']}")]
         for i, value in enumerate(self.levels):
@@ -192,7 +192,7 @@ class FrequencyResponse(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A response as it was."""
+        """Restore a stored response."""
         from stickslip.model.system_file import loads
 
         parameter, level, coordinate = json.loads(parts["names"])

@@ -97,7 +97,7 @@ class TimeFunction(ABC):
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
 
     @property
     @abstractmethod

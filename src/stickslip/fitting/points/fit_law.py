@@ -74,7 +74,7 @@ class LawFit(Fit):
     def contact(
         self, direction: str, *, surface_speed: Formula = 0.0, unit: str = "N"
     ) -> LawContact:
-        """The law with the estimates, to be put where a contact stands.
+        """The law with the estimated parameters, for use as a contact.
 
         Parameters
         ----------

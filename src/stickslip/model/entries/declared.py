@@ -343,7 +343,7 @@ class Unilateral:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
-        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        """The friction, as a contact with the normal force of the named contact."""
         return _rubbing(self, name, self.adhesion)
 
 
@@ -389,7 +389,7 @@ class Bilateral:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
-        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        """The friction, as a contact with the normal force of the named contact."""
         return _rubbing(self, name)
 
 

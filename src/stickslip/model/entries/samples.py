@@ -215,11 +215,11 @@ class Samples(TimeFunction):
 
     @property
     def period(self) -> float:
-        """After which they repeat; 0 if they do not."""
+        """Period; 0 if not periodic."""
         return self.span[1] - self.span[0] if self.periodic else 0.0
 
     def covers(self, start: float, stop: float) -> bool:
-        """Whether they say something of all times in a span."""
+        """Whether they cover a time span."""
         first, last = self.span
         near = NEAR_SAMPLE * max(abs(first), abs(last))
         return self.periodic or (first - near <= start and stop <= last + near)
@@ -234,13 +234,13 @@ class Samples(TimeFunction):
         return found
 
     def count(self, start: float, stop: float) -> int:
-        """How many of them are in a span, at most."""
+        """Maximum number of samples in a span."""
         periods = math.ceil((stop - start) / self.period) + 1 if self.periodic else 1
         return periods * (len(self.times) + 1)
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of them: a few as lists, many as one text (Base64 of compressed
-        floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         found |= {"periodic": True} if self.periodic else {}
         if len(self.times) <= _LISTED:
@@ -254,7 +254,7 @@ class Samples(TimeFunction):
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Samples:
-        """Samples of what a model file says.
+        """Samples from the plain data of a model file.
 
         Parameters
         ----------

@@ -263,7 +263,7 @@ class Table:
 
     @property
     def points(self) -> Any:
-        """Where it is known: an array, or a pair of them."""
+        """Points of the table: an array, or a pair of arrays."""
         return self.axes if len(self.axes) > 1 else next(iter(self.axes))
 
     @property
@@ -287,8 +287,8 @@ class Table:
         return content.hexdigest()[:16]
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it: few numbers as lists, many as one text (Base64 of
-        compressed floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         below, above = self.outside
         if below != above:
@@ -310,7 +310,7 @@ class Table:
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Table:
-        """A table of what a model file says.
+        """Table from the plain data of a model file.
 
         Parameters
         ----------
@@ -422,7 +422,7 @@ class Table:
         return k, np.where((place >= low) & (place <= high), place - breaks[k], np.nan)
 
     def functions(self, name: str) -> dict[str, TableFunction]:
-        """What formulas may call of it: itself, and of a curve its slope and its integral."""
+        """Functions available in formulas: the table and, for a curve, its slope and integral."""
         if len(self.axes) > 1:
             return {name: _Surface(self, name)}
         return {
@@ -506,7 +506,7 @@ class Table:
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
     ) -> tuple[int, dict[tuple[int, int], PiecewisePolynomial]]:
-        """How many columns a surface has, and by powers of both places in a cell its coefficients,
+        """Number of columns of a surface, and by powers of both places in a cell its coefficients,
         functions of the number of the cell."""
         cells = self._cells(open_x, open_y)
         columns, rows, high, wide = cells.shape

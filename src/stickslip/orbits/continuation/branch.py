@@ -76,7 +76,7 @@ class SpecialPoint:
 
     @property
     def certificate(self) -> Certificate:
-        """Whether it is where it is said to be."""
+        """Residuals of the equations at the point."""
         return Certificate(self.residuals or (_UNMEASURED,))
 
     def __repr__(self) -> str:
@@ -140,12 +140,12 @@ class Branch(Result):
 
     @property
     def ended(self) -> str:
-        """Why it ends at its first and at its last point, in words."""
+        """Reasons for the ends at the first and last points."""
         return f"first point: {self.ends[0].text}; last point: {self.ends[1].text}"
 
     @property
     def complete(self) -> bool:
-        """Whether it was followed to both ends."""
+        """Whether the branch was followed to both ends."""
         return not any(end.stop in BROKEN_OFF for end in self.ends)
 
     @validated
@@ -162,7 +162,7 @@ class Branch(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a branch."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -172,7 +172,7 @@ class Branch(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether it was followed to both ends."""
+        """Whether the branch was followed to both ends."""
         if self.complete:
             return Completion.FINISHED
         late = any(end.stop is Stop.TIME_UP for end in self.ends)
@@ -180,11 +180,11 @@ class Branch(Result):
 
     @property
     def message(self) -> str:
-        """Why it ends where it does, and what is special on it, line by line."""
+        """Reasons for the ends of the branch, and its special points, line by line."""
         return "\n".join([*(s.describe() for s in self.special), self.ended])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         values = self.points[self.parameter].values
         return {
             **self.system.heading(),
@@ -196,7 +196,7 @@ class Branch(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         values = self.points[self.parameter].values
         span = f"{self.parameter} = {values.min():.9g} to {values.max():.9g}"
         special = [("special point", s.describe()) for s in self.special]
@@ -244,7 +244,7 @@ class Branch(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A branch as it was."""
+        """Restore a stored branch."""
         from stickslip.model.system_file import loads
 
         first, last = (

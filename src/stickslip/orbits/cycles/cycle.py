@@ -276,7 +276,7 @@ class Cycle(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a cycle."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -286,7 +286,7 @@ class Cycle(Result):
 
     @property
     def outcome(self) -> Outcome:
-        """A cycle is what motions settle on; where there is none, a ConvergenceError says so."""
+        """Always periodic; a ConvergenceError is raised if no cycle is found."""
         return Outcome.PERIODIC
 
     @property
@@ -335,13 +335,12 @@ class Cycle(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether neighbours are attracted (along the cycle and its translations they stay
-        neighbours)."""
+        """Whether the cycle is stable (modulo phase and translations)."""
         return bool(np.all(np.abs(self.nontrivial) < 1.0 - _NEUTRAL))
 
     @property
     def neutral(self) -> bool:
-        """Whether neighbours are neither attracted nor repelled, as without damping."""
+        """Whether the cycle is neutrally stable, as without damping."""
         return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + _NEUTRAL))
 
     @property
@@ -356,8 +355,8 @@ class Cycle(Result):
 
     @property
     def energy_per_distance(self) -> float:
-        """Energy dissipated per distance, the mean friction of what is pulled; infinite without
-        drift."""
+        """Energy dissipated per distance, which is the mean friction of a pulled body; infinite
+        without drift."""
         return self.dissipated / abs(self.drift) if self.drift else math.inf
 
     @property
@@ -375,7 +374,7 @@ class Cycle(Result):
         }
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "period": self.period,
@@ -397,7 +396,7 @@ class Cycle(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         units = self.units
         multipliers = [
             f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
@@ -456,7 +455,7 @@ class Cycle(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A cycle as it was."""
+        """Restore a stored cycle."""
         from stickslip.motion.trajectory import Trajectory
 
         motion = Trajectory.restored(data, parts, where)

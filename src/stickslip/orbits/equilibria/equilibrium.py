@@ -82,7 +82,7 @@ class Equilibrium:
 
     @property
     def stable(self) -> bool | None:
-        """Whether it attracts its neighbours; None if linearisation does not decide."""
+        """Whether the equilibrium is stable; None if linearisation is inconclusive."""
         return None if self.boundary else decays(self.eigenvalues, self.eigenvalue_error)
 
     def describe(self) -> str:
@@ -270,7 +270,7 @@ class Equilibria(Result):
 
     @property
     def title(self) -> str:
-        """Of what they are the equilibria."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -280,7 +280,7 @@ class Equilibria(Result):
 
     @property
     def message(self) -> str:
-        """What was found, or what was tried and came nearest."""
+        """The equilibria found, or what was tried and the closest candidate."""
         open_ = [f"not complete: {said}" for said in self.undecided]
         if len(self):
             return "\n".join([*(found.describe() for found in self), *open_])
@@ -298,7 +298,7 @@ class Equilibria(Result):
 
     @property
     def table(self) -> pandas.DataFrame:
-        """One row an equilibrium or set: state, stability, modes, eigenvalues, drift, extent."""
+        """One row per equilibrium or set: state, stability, modes, eigenvalues, drift, extent."""
         import pandas as pd
 
         rows = []
@@ -346,7 +346,7 @@ class Equilibria(Result):
         return {name for found in self for name in found.normal_forces}
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "tried": self.tried,
@@ -355,7 +355,7 @@ class Equilibria(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         return shortened(
             [
                 ("set" if isinstance(found, EquilibriumSet) else "equilibrium", found.describe())
@@ -383,7 +383,7 @@ class Equilibria(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Equilibria as they were."""
+        """Restore stored equilibria."""
         from stickslip.model.system_file import loads
 
         return cls(

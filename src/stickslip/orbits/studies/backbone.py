@@ -119,7 +119,7 @@ class Backbone(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the backbone."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -131,11 +131,11 @@ class Backbone(Result):
 
     @property
     def message(self) -> str:
-        """How many amplitudes there are, and where there is none."""
+        """Number of amplitudes, and amplitudes without a cycle."""
         return "\n".join([f"amplitudes: {self.dataset.sizes['point']}", *self.notes])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         top = int(np.argmax(self.damping))
         return {
@@ -155,7 +155,7 @@ class Backbone(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         units = {name: str(data[name].attrs.get("units", "1")) for name in data.data_vars}
         top = int(np.argmax(self.damping))
@@ -209,7 +209,7 @@ class Backbone(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A backbone as it was."""
+        """Restore a stored backbone."""
         from stickslip.model.system_file import loads
 
         coordinate, mode, frequency = json.loads(parts["mode"])

@@ -99,7 +99,7 @@ class GaitStudy(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the study."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -110,7 +110,7 @@ class GaitStudy(Result):
 
     @property
     def message(self) -> str:
-        """Where it walks, and why not elsewhere."""
+        """Range in which the system walks, and reasons for its end."""
         notes = [str(note) for note in np.unique(self.dataset["note"].values) if note]
         return "; ".join([self._where, *notes])
 
@@ -122,12 +122,12 @@ class GaitStudy(Result):
         return f"it walks between {self.parameter} = {values.min():.6g} and {values.max():.6g}"
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         columns = {str(name): self.dataset[name].values.tolist() for name in self.dataset.variables}
         return {**self.system.heading(), "parameter": self.parameter, **columns}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         speed = self.dataset["speed"]
         low = f"{float(speed.min()):.6g}"
         high = with_unit(float(speed.max()), speed.attrs["units"], 6)
@@ -148,7 +148,7 @@ class GaitStudy(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A study as it was."""
+        """Restore a stored study."""
         from stickslip.model.system_file import loads
 
         return cls(

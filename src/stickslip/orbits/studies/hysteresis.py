@@ -223,7 +223,7 @@ class HysteresisOperator:
     # -- the operator ------------------------------------------------------------------------------
 
     def swing(self, start: float, end: float) -> tuple[float, float]:
-        """What a monotone swing of ψ does: d ↦ clip(d, low, high).
+        """Effect of a monotone change of ψ: d ↦ clip(d, low, high).
 
         Returns
         -------

@@ -108,7 +108,7 @@ class RingDown(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the decay."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -124,7 +124,7 @@ class RingDown(Result):
 
     @property
     def message(self) -> str:
-        """How many half-cycles there are, and how it ends."""
+        """Number of half-cycles, and the end of the motion."""
         last = self.dataset["turn_time"].values
         rest = f"; at rest from t = {last[-1]:.9g}" if self.stops else ""
         count = f"{self.coordinate} makes {_counted(len(self), 'half-cycle')}{rest}"
@@ -134,7 +134,7 @@ class RingDown(Result):
         return "\n".join([count if len(self) else none, *ended, *self.notes])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         about: dict[str, Any] = {
             **self.system.heading(),
@@ -157,7 +157,7 @@ class RingDown(Result):
         return about
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         rows = [("ring-down", f"of {self.coordinate}, {_counted(len(self), 'half-cycle')}")]
         for name, label in (("amplitude", "amplitude"), ("frequency", "frequency")):
@@ -193,7 +193,7 @@ class RingDown(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A ring-down as it was."""
+        """Restore a stored ring-down."""
         from stickslip.model.system_file import loads
 
         interrupted, time_up = json.loads(parts["broken"])

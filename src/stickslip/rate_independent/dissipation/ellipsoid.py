@@ -137,7 +137,8 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         return axes @ y, axes @ slope @ axes.T
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
+        """Signed distance of ξ from K(s): the distance outside, and minus a lower bound of the
+        depth inside."""
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
     def sampled(self, phases: Array) -> SampledEllipsoid:

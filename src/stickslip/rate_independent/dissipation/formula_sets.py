@@ -136,7 +136,8 @@ class FormulaSets(Dissipation):
         return super().gauge(xi, s) if found is None else self.support(found.v, s)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
+        """Signed distance of ξ from K(s): the distance outside, and minus a lower bound of the
+        depth inside."""
         xi = self.vector(xi, "xi")
         return self.depth(xi, self.near(xi, s), s)
 

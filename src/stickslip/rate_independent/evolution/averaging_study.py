@@ -101,12 +101,12 @@ class AveragingStudy(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the study."""
+        """Title of the system."""
         return "fast oscillations and their average"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """None but ε, which varies."""
+        """Empty, since ε varies."""
         return {}
 
     @property
@@ -117,17 +117,17 @@ class AveragingStudy(Result):
 
     @property
     def message(self) -> str:
-        """What stopped it early, or that all was computed."""
+        """Reason of an early stop, or the statement that the study is complete."""
         return self.stopped or self.outcome.message
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         epsilon = self.dataset["epsilon"].values
         columns = {name: self.dataset[name].values.tolist() for name in _SHOWN}
         return {"epsilon": epsilon.tolist(), **columns, "powers": self.powers}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         distances = zip(
             self.dataset["epsilon"].values, self.dataset["distance"].values, strict=True
         )
@@ -148,7 +148,7 @@ class AveragingStudy(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A study as it was."""
+        """Restore a stored study."""
         return cls(data, restored_certificate(json.loads(parts["certificate"])), parts["stopped"])
 
 

@@ -102,7 +102,7 @@ class Evolution:
         return self.dissipation.sets(np.asarray(times, dtype=float) / self.epsilon)
 
     def force(self, t: float, z: Array) -> Array:
-        """ℓ(t) − A z: what friction has to hold, shape (n,)."""
+        """ℓ(t) − A z, the force on the friction elements, shape (n,)."""
         return self.ell.over(np.array([t]))[0] - self.A @ z
 
     def energy(self, t: float, z: Array) -> float:

@@ -104,7 +104,7 @@ class EvolutionModel:
 
     @property
     def is_evolution(self) -> bool:
-        """Whether there is more than a dissipation potential."""
+        """Whether the model has a load, and not only a dissipation potential."""
         return not (_absent(self.A) and _absent(self.load))
 
     @property

@@ -596,16 +596,16 @@ class Play(Result):
 
     @property
     def outcome(self) -> Completion:
-        """A play comes to its end."""
+        """Always finished."""
         return Completion.FINISHED
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         return self.outcome.message
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             "method": "exact play",
             "end": float(self.time[-1]),
@@ -616,7 +616,7 @@ class Play(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         return [
             ("method", "exact play"),
             ("time", f"{self.time[0]:g} to {self.time[-1]:g}"),
@@ -659,7 +659,7 @@ class Play(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A play from its nodes."""
+        """Restore a stored play from its nodes."""
         declared: dict[str, Any] = json.loads(parts["declared"])
         declared["t_span"] = tuple(declared["t_span"])
         declared |= {name: _revived(declared[name]) for name in ("load", "threshold")}

@@ -76,7 +76,7 @@ class Dissipation(ABC):
     @property
     @abstractmethod
     def depends_on_phase(self) -> bool:
-        """Whether Ψ(s, ·) is not the same for all s."""
+        """Whether Ψ(s, ·) depends on s."""
 
     def as_formula(self) -> str:
         """Ψ as a formula in ``v1``, ..., ``vn``, which a contact takes as its dissipation.
@@ -172,7 +172,7 @@ class Dissipation(ABC):
 
     @property
     def doubt(self) -> str:
-        """What of it is not proved, as certificates say it; by default nothing."""
+        """Properties that are not proved, as stated in certificates; by default none."""
         return ""
 
     @classmethod
