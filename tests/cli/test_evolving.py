@@ -319,7 +319,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "time in the dissipation": (
         L1,
         L1.replace('"1"', '"t"'),
-        ["dissipation.lower[1]", "Only s and parameters"],
+        ["dissipation.lower[1]", "Use s and parameters only"],
     ),
     "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Use t and parameters only"]),
     "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Use parameters only"]),
@@ -387,7 +387,7 @@ def test_a_wrong_file_is_one_clear_line(
     [
         (["evolve", "nowhere.toml"], "nowhere.toml: no such file"),
         (["evolve", "."], "it is a directory"),
-        (["average", TWO, "--set", "delta=1"], "no parameter or function 'delta'"),
+        (["average", TWO, "--set", "delta=1"], "unknown parameter or function 'delta'"),
         (["average", TWO, "--set", "epsilon=x"], "parameters.epsilon"),
         (["average", TWO, "--set", "epsilon=-1"], "(0, inf)"),
         (["evolve", TWO, "--until", "-1"], "--until"),

@@ -67,7 +67,7 @@ def test_columns_on_either_side_and_all_options(record: Path) -> None:
     [
         (["record.csv", "--free", "F_c"], "no column has the name of a quantity"),
         (["nothing.csv", "--free", "F_c"], "no such file"),
-        (["record.csv", "--free", "q", "--observe", "x=position"], "free.q: no parameter"),
+        (["record.csv", "--free", "q", "--observe", "x=position"], "free.q: unknown parameter"),
         (["record.csv", "--free", "F_c=1", "--observe", "x=position"], "NAME=LOW:HIGH"),
         (["record.csv", "--free", "F_c", "--observe", "x=place"], "has no column 'place'"),
         (["record.csv", "--free", "F_c", "--observe", "x"], "NAME=NAME"),

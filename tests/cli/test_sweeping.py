@@ -101,10 +101,13 @@ def test_a_function_from_a_file() -> None:
             ["--over", "psi=1:2:4", "--measure", "speed", "--initial", "psi=1"],
             "it already varies along an axis",
         ),
-        (["--over", "P=1:2:4", "--measure", "speed", "--adaptive", "period"], "not measured"),
+        (
+            ["--over", "P=1:2:4", "--measure", "speed", "--adaptive", "period"],
+            "not one of the measures",
+        ),
         (
             ["--over", "P=1:2:4", "--measure", "speed", "--processes", "--local-cluster"],
-            "Choose one",
+            "exclude each other",
         ),
         (["--over", "P=1:2:4", "--measure", "speed", "--workers", "0"], "number of workers"),
         (["--over", "P=1:2:4", "--measure", "speed", "--rtol", "0"], "rtol: 0.0 is out of range"),
@@ -121,7 +124,10 @@ def test_wrong_input_is_one_line_and_leaves_nothing(arguments: list[str], said: 
 def test_plot_of_what_is_no_map() -> None:
     assert "no such file" in stickslip("plot", "nowhere.zarr").stderr
     stickslip(*GIVEN)
-    assert "the map has no 'period'" in stickslip("plot", "toy.zarr", "--measure", "period").stderr
+    assert (
+        "the map has no measure 'period'"
+        in stickslip("plot", "toy.zarr", "--measure", "period").stderr
+    )
     assert "unknown picture format" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr
     assert "not a map" in stickslip("plot", ".").stderr
 

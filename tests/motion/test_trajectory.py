@@ -103,7 +103,7 @@ def test_at_the_ends(motion: Trajectory) -> None:
 
 @pytest.mark.parametrize("t", [-1e-9, 14.000001, math.nan, [3.0, 15.0]])
 def test_at_refuses_other_times(motion: Trajectory, t: Any) -> None:
-    with pytest.raises(DeclarationError, match=re.escape("Ask for 0 <= t <= 14")):
+    with pytest.raises(DeclarationError, match=re.escape("Use 0 <= t <= 14")):
         motion.at(t)
 
 

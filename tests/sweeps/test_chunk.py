@@ -130,8 +130,8 @@ def test_limits_are_kept() -> None:
     ("initial", "parameters", "measures", "words"),
     [
         ({}, {"P": [1.0]}, ("sped",), "unknown measure 'sped'"),
-        ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
-        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
+        ({}, {"P": [1.0]}, ("amplitude:phi",), "unknown quantity 'phi'"),
+        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "unknown quantity 'tail'"),
         ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),
         ({}, {"Q": [1.0]}, ("speed",), "unknown parameter"),
         ({}, {"P": [np.nan]}, ("speed",), "finite"),

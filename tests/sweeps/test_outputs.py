@@ -231,7 +231,7 @@ def test_outputs_at_rest_and_under_a_record() -> None:
         ("high:z", "measure.high: unknown quantity 'z'"),
         ("high:x - z", "z"),
         ("high:apartt", "Did you mean 'apart'"),
-        ("high:x/2", "has a /"),
+        ("high:x/2", "contains a /"),
         ("range = high:z - 1", "unknown quantity 'z'"),
         ("energy_per_distance:apart", "unknown quantity 'apart'"),
     ],

@@ -116,7 +116,7 @@ def test_hopf_point() -> None:
     assert cycle.parameters["V"] > point.value
     assert abs(cycle.parameters["V"] - point.value) < 1e-3
     assert cycle.period == pytest.approx(point.period, rel=1e-2)
-    with pytest.raises(ConvergenceError, match="born above"):
+    with pytest.raises(ConvergenceError, match="exist above"):
         find_cycle(SLIDER, point, parameters={"V": 0.22})
 
 
