@@ -292,7 +292,7 @@ def test_none() -> None:
     found = equilibria(flow({"x": "1 + p*x**2"}, p=1.0))
     assert len(found) == 0
     assert found.message.startswith(
-        "no equilibrium was found (tried 1 of 1 combinations of modes and regions with 64 starts each"
+        "no equilibrium was found (tried 1 of 1 combinations of modes and regions with 64 starts "
     )
     virtual = equilibria(flow({"x": "1 + abs(x)"}))
     assert "beyond the boundary where x = 0" in virtual.message
