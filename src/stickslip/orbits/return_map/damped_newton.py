@@ -80,7 +80,6 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
 
     Parameters
     ----------
-    shooting : Shooting
     x : array
         Unknowns to start from.
     across : array, optional
@@ -283,8 +282,6 @@ class Closed:
 
     Attributes
     ----------
-    shooting : Shooting
-    orbit : Orbit
     slopes : dict
         What was asked of its derivatives (:mod:`.slopes`), by parameter.
     """

@@ -217,7 +217,6 @@ class FormulaSets(Dissipation):
         Parameters
         ----------
         xi : ndarray of shape (n,)
-        s : float
         start : ndarray of shape (n,), optional
             What was normal for a force and a phase close by.
         """
@@ -252,7 +251,6 @@ class FormulaSets(Dissipation):
         xi : ndarray of shape (n,)
         near : Nearby
             Of ξ.
-        s : float
         """
         length = float(np.linalg.norm(xi))
         if length <= 0.5 * self.inradius:
