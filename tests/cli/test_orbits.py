@@ -362,7 +362,7 @@ def test_results_for_other_programs() -> None:
     for wrong, message in (
         (("--out", "block.xlsx"), ".parquet"),
         (("--out", "x.wav"), "quantities"),
-        (("--out", "x.csv", "--quantity", "y"), "no 'y'"),
+        (("--out", "x.csv", "--quantity", "y"), "unknown quantity 'y'"),
         (("--out", "x.csv", "--step", "-1"), "step"),
     ):
         result = stickslip("export", motion, *wrong)
