@@ -114,17 +114,17 @@ class VectorField:
 def vector_field(
     system: System, modes: Mapping[str, str] | None = None, *, at: Values | None = None
 ) -> VectorField:
-    """The equations of motion of a system while its contacts keep their modes.
+    """Derive the equations of motion of a system for given modes of its contacts.
 
     Parameters
     ----------
     system : System
     modes : mapping of str to str
-        ``"stick"``, ``"slip+"`` or ``"slip-"`` for every contact, as results of equilibria and
-        motions have them.
+        ``"stick"``, ``"slip+"`` or ``"slip-"`` for every contact, as in results of equilibria and
+        motions.
     at : mapping of str to float, optional
-        Values of ``t``, the state and parameters (else their defaults). Where functions have kinks,
-        it says in which region of them; points are then completed from it.
+        Values of ``t``, the state and parameters (else their defaults). It selects the region of
+        functions with kinks, and supplies values that later points omit.
 
     Returns
     -------
@@ -134,8 +134,8 @@ def vector_field(
     Raises
     ------
     DeclarationError
-        If contacts or modes are unknown or missing, kinks depend on names without a value, or this
-        mode leaves the rates undetermined.
+        If contacts or modes are unknown or missing, kinks depend on names without a value, or the
+        rates are indeterminate in this mode.
 
     Examples
     --------

@@ -38,11 +38,11 @@ def export(
     result : Result or System
         Any result, such as a motion, a cycle, a map or a frequency response.
     path : str or path
-        Of a result a file that ends in ``.csv``, in ``.parquet`` (title, units and version are in
-        its metadata) or in ``.wav`` (16 bits, without the mean, as loud as the file can hold). Of a
-        system one that ends in ``.fmu`` (FMI 2 for co-simulation: a
-        :class:`stickslip.Stepper` behind the interface of other simulators) or in ``.py``
-        (right-hand side and events as functions of NumPy, for other integrators).
+        For a result, a file with the suffix ``.csv``, ``.parquet`` (title, units and version are in
+        its metadata) or ``.wav`` (16 bits, without the mean, normalised). For a system, a file with
+        the suffix ``.fmu`` (FMI 2 for co-simulation: a :class:`stickslip.Stepper` behind the
+        interface of other simulators) or in ``.py`` (right-hand side and events as functions of
+        NumPy, for other integrators).
     *quantities : str
         Additional columns, or outputs of an FMU, by default all; or the quantity of a sound.
     step : float, optional

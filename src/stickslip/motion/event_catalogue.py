@@ -59,17 +59,17 @@ class EventCatalogue(Result):
     system : System
     parameters : dict of str to float
     dataset : xarray.Dataset
-        Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the one
-        before); ``size`` (sum of the slips of all contacts, each from the start of the event to its
-        end), ``largest_slip`` and ``contacts`` (how many have slipped), ``first`` (the contact that
-        slipped first), or the same of coordinates, if events are what is faster than a rate;
-        ``energy_released`` (what is dissipated in the event) and ``energy_drop``
-        (by how much the energy of the system is less at its end: the same if nothing is supplied
-        meanwhile), not a number where they were not asked for.
+        Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the
+        previous event); ``size`` (sum of the slips of all contacts, each from the start of the
+        event to its end), ``largest_slip`` and ``contacts`` (number of contacts that slip),
+        ``first`` (the contact that slipped first), or the same for coordinates, if events are
+        defined by a rate; ``energy_released`` (energy dissipated in the event) and ``energy_drop``
+        (decrease of the energy of the system over the event, which is the same without energy
+        supply), NaN if not requested.
     span : (float, float)
         Time span of the motion. Events that begin before it or end after it are not listed.
     certificate : Certificate
-        That of the motion.
+        The certificate of the motion.
     """
 
     KIND: ClassVar[str] = "event catalogue"

@@ -163,12 +163,11 @@ def basin(
     -------
     Basin
         Its dataset has one dimension for each name in `over`: ``attractor``, a code with
-        flag_meanings; negative
-        where a motion stopped (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``,
-        what the certificate of each motion lacks. Dimension ``reached``: ``kind``, ``period``,
-        ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
-        each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
-        ``family``.
+        flag_meanings; negative where a motion stopped (−1), did not settle (−2) or is undamped
+        (−3); and ``lacking``, the failed criterion of the certificate of each motion. Dimension
+        ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one
+        state, ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle,
+        and whether it is one of a ``family``.
 
     Raises
     ------

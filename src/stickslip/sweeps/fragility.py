@@ -48,13 +48,13 @@ class Fragility(Result):
     system : System
     parameters : dict of str to float
     dataset : xarray.Dataset
-        Over the scale and whatever else varies: ``share`` of the records that exceed the limit,
-        with the interval from ``low`` to ``high`` in which it is with 95 % (Wilson 1927), of
-        ``records`` that have a value. Over what else varies: ``median`` of the scale at which the
-        limit is exceeded, and the ``dispersion`` of its logarithm; not numbers where the shares do
-        not determine them, such as where they go from 0 to 1 in one step.
+        Over the scale and the other axes: ``share``, the fraction of the records that exceed the
+        limit, with its 95 % confidence interval from ``low`` to ``high`` (Wilson 1927), and
+        ``records``, the number of records with a value. Over the other axes: ``median`` of the
+        scale at which the limit is exceeded, and the ``dispersion`` of its logarithm; NaN if the
+        fractions do not determine them, such as where they jump from 0 to 1 in one step.
     outcome : Completion
-        That of the map.
+        The outcome of the map.
     certificate : Certificate
         Numbers of motions that are not certified or have no value.
     """

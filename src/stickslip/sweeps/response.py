@@ -39,12 +39,12 @@ class FrequencyResponse(Result):
         formula.
     dataset : xarray.Dataset
         Over ``point``, along the lines: the parameter, the level and the ``line`` (a number),
-        ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first
-        harmonic, relative to the drive), ``stick`` (share of the period in which all contacts
-        stick; ``stick_…`` of each), ``period``, ``stable``, ``slips`` (0 where no contact slips).
-        Over ``level``, ``direction`` and ``step``: the same of the sweeps (``swept_…``), NaN where
-        no cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
-        same at the levels and between them, ``backbone_…``.
+        ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first harmonic, relative
+        to the drive), ``stick`` (fraction of the period in which all contacts stick; ``stick_…`` of
+        each), ``period``, ``stable``, ``slips`` (0 where no contact slips). Over ``level``,
+        ``direction`` and ``step``: the same quantities of the sweeps (``swept_…``), NaN where no
+        cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
+        largest response at and between the levels, ``backbone_…``.
     special : list of SpecialPoint
         Special points of all lines, such as folds and grazing; ``index`` is the number of the
         point.

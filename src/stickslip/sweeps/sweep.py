@@ -143,42 +143,42 @@ def sweep(
         Seed of random and low-discrepancy samples.
     carry : str, optional
         Along this axis every point starts from the settled state of the previous one, at the same
-        phase of the drives, as in an experiment: ``"omega"`` takes the values as they are given,
-        ``"omega up"`` and ``"omega down"`` by size, ``"omega both"`` up and from there down again,
-        on an axis ``direction`` of its own. The first point of a line begins as any motion does,
-        and so does the next one as long as none has settled. A motion that stops hands on what it
-        began with. What points hand on is in the variables ``carried_…``; an interrupted line goes
-        on from there.
+        phase of the drives, as in an experiment: ``"omega"`` uses the values in the given order,
+        ``"omega up"`` and ``"omega down"`` in increasing and decreasing order, ``"omega both"`` up
+        and then down again, with an additional axis ``direction``. Points before the first settled
+        motion of a line start from the initial state. A motion that stops passes on the state from
+        which it started. The states passed on are in the variables ``carried_…``; an interrupted
+        line resumes from them.
     adaptive : Adaptive, optional
-        Compute finely only where something changes.
+        Refine only where results change.
     scheduler : str
         ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not
         depend on it.
     workers : int, optional
-        Threads or processes; by default one for each core. With a GPU, chunks that are prepared and
-        computed at the same time; by default one.
+        Number of threads or processes; by default one per core. With a GPU, number of chunks in
+        progress at the same time; by default one.
     device : str
         ``"cpu"``, or ``"gpu"``: the same loops on a CUDA device, one motion per thread (extra
-        ``[gpu]``). Its numbers agree up to rounding, so that either may go on with what the other
-        has begun.
+        ``[gpu]``). Results agree up to rounding, so a map begun on one device can be resumed on the
+        other.
     extend : bool
-        Add the new values of the axes to a stored map over some of them.
+        Add new values of the axes to a stored map.
     overwrite : bool
         Replace a stored map.
     repair : bool
-        Compute damaged chunks again.
+        Recompute damaged chunks.
     time_limit : float, optional
-        Seconds of processor time that a point may take, so that other work on the machine does not
-        matter (of wall-clock time on systems that do not tell processor times of threads); one that
-        takes longer has the outcome ``time limit reached``, and is tried again when the map is
-        resumed (not where points carry the state).
+        Processor-time limit of a point in seconds, independent of other load on the machine
+        (wall-clock time on systems without processor times of threads). A point that exceeds it has
+        the outcome ``time limit reached``, and is retried when the map is resumed (unless points
+        carry the state).
     progress : callable, optional
-        Called as points are done.
+        Called as points are completed.
 
     Returns
     -------
     Map
-        Its dataset has one dimension for each axis; the measures, ``outcome`` and
+        Its dataset has one dimension for each axis, and contains the measures, ``outcome`` and
         ``certificate``. After Ctrl-C some points have the outcome -1, not computed.
 
     Raises

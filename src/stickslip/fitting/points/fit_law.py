@@ -116,14 +116,14 @@ def fit_law(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> LawFit:
-    """Fit a friction law to points of force over speed, of one sign or of both, by least squares.
+    """Fit a friction law to measured points of force over speed by least squares.
 
     Parameters
     ----------
     points : array, shape (m, 2), pair of arrays, table or path
-        Speeds, none of them zero, and forces against the motion, with the sign of the speed. A
-        mapping or a DataFrame has a column called ``v`` or ``speed`` and one called ``F`` or
-        ``force``, or no others; a file its columns as that of :meth:`stickslip.Table.read`.
+        Nonzero speeds, of one sign or both, and forces opposing the motion, with the sign of the
+        speed. A mapping or a DataFrame has a column named ``v`` or ``speed`` and one named ``F`` or
+        ``force``, or exactly two columns; files are read as by :meth:`stickslip.Table.read`.
     law : FrictionLaw or str
         A law whose sliding force depends on the speed alone, such as
         :data:`stickslip.laws.stribeck`; Coulomb's with a viscous part is ``ss.laws.coulomb``.

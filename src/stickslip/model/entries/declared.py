@@ -202,9 +202,9 @@ class Output:
     ----------
     formula : str or float
         Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
-        unknowns of structures, other outputs, and what results show of contacts and energies by
-        the names in their datasets: ``friction_c``, ``normal_c``, ``slip_speed_c``, ``energy``,
-        accelerations ``dd_x``.
+        degrees of freedom of structures, other outputs, and quantities of contacts and energies by
+        their names in the datasets of results: ``friction_c``, ``normal_c``, ``slip_speed_c``,
+        ``energy``, accelerations ``dd_x``.
     unit, meaning : str
         Unit and meaning; without a unit, the one that follows from the formula.
     """
@@ -235,9 +235,9 @@ class Contact:
     direction : str or pair of str
         Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
         ``("d_x", "d_y")``, for a contact in a plane, and three, such as ``("d_x", "d_y",
-        "d_phi")``, for a face. Where both sides move as given, the rate of a
-        drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
-        its force in stick, which nothing determines, is 0.
+        "d_phi")``, for a face. If the motion of both sides is prescribed, the rate of a drive, such
+        as ``"d_xi"``, or ``"0"`` with a surface speed; the contact then acts on no coordinate, and
+        its force in stick, which is undetermined, is 0.
     threshold : str, float or pair of these
         Largest friction force in stick, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along
         a line; in a plane there is one. Optional with a `dissipation`, of which it is a factor.

@@ -144,12 +144,12 @@ def continue_cycle(
         In both directions from the cycle, through folds and changes of the sequence. ``special``
         has the kinds
 
-        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``,
+        - ``"fold"`` (with a note at a corner of the branch), ``"period doubling"``,
           ``"torus"``, ``"branch point"``;
-        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase
+        - ``"stick onset"`` (a contact begins or ceases to stick), ``"grazing"`` (a phase
           appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
-          there on sticks throughout and rests where it did there), ``"sequence change"`` (any
-          other), ``"loss of the cycle"`` (it ends at a change);
+          then on sticks throughout at a constant position), ``"sequence change"`` (any other),
+          ``"loss of the cycle"`` (it ends at a change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 

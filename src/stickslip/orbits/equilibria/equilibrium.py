@@ -42,7 +42,8 @@ class Equilibrium:
         Mode of each contact (0 stick, ±1 slip; of a normal direction 0 closed, 1 open) and region
         of each kink.
     eigenvalues : tuple of complex
-        Of the motion within the mode's constraints and modulo translation, the rightmost first.
+        Eigenvalues of the motion within the constraints of the mode and modulo translation, the
+        rightmost first.
     drift : dict of str to float
         Constant rates of a relative equilibrium, which moves steadily along a translation. Empty at
         rest.

@@ -246,23 +246,23 @@ def walking_threshold(
     parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
-    """The parameter at which the stable gait appears.
+    """Find the parameter value at which the stable gait appears.
 
-    It is followed from the end of the span at which it exists, so that a gait that coexists with
-    rest is not lost.
+    The gait is followed from the end of the range at which it exists, so that a gait that coexists
+    with rest is not lost.
 
     Parameters
     ----------
     system : System
     parameter : str
     span : (float, float)
-        With a gait at one end and none at the other.
+        A range with a gait at one end only.
     initial : mapping of str to float, optional
-        State from which the gait is looked for; by default the declared one.
+        Initial state of the search for the gait; by default the declared one.
     parameters : mapping of str to float, optional
         Values of the others.
     tolerance : float
-        Of the parameter, relative to the span.
+        Tolerance of the parameter, relative to the range.
 
     Raises
     ------

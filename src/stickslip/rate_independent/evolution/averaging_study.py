@@ -39,13 +39,12 @@ class AveragingStudy(Result):
     Attributes
     ----------
     dataset : xarray.Dataset
-        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta),
-        sup |z_ε(t₂) − z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, what it exceeds the modulus
-        of z_0 by: ω(ε) in [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for
-        φ = cos(jπ(t − t₀)/T); ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹ and L²;
-        ``dissipated`` energy; ``steps`` and ``wall_time`` of the resolved motion. What has a
-        meaning for z_0 is there, too, as ``averaged_...``. Moduli are measured on a grid of 1024
-        intervals (fewer if n > 16384).
+        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta), sup |z_ε(t₂) −
+        z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, its excess over the modulus of z_0, ω(ε) in
+        [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for φ = cos(jπ(t − t₀)/T);
+        ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹ and L²; ``dissipated`` energy; ``steps`` and
+        ``wall_time`` of the resolved motion. Quantities that are defined for z_0 are included as
+        ``averaged_...``. Moduli are measured on a grid of 1024 intervals (fewer if n > 16384).
     certificate : Certificate
         The largest value of every residual over all motions.
     stopped : str

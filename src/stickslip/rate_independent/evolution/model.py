@@ -60,7 +60,7 @@ class EvolutionModel:
     epsilon : formula
         Period of the dissipation in the units of time.
     span : (formula, formula)
-        By default from 0 to 1, or, where drives are samples that end, what all of these cover.
+        By default from 0 to 1 or, if drives are samples that end, the span that all of them cover.
     steps : int or None
         Number of equal steps; adaptive if None.
 
