@@ -201,7 +201,7 @@ class FrictionLaw:
 
 _F_C = Parameter(1.0, "N", "friction while sliding", "(0, inf)")
 _F_S = Parameter(1.5, "N", "largest force at rest", "(0, inf)")
-_V_S = Parameter(0.2, "m/s", "speed over which friction falls", "(0, inf)")
+_V_S = Parameter(0.2, "m/s", "speed over which friction decreases", "(0, inf)")
 _K = Parameter(4.0, "N/m", "stiffness before it slides", "(0, inf)")
 _B = Parameter(0.0, "N*s/m", "coefficient of viscous friction", "[0, inf)")
 
@@ -300,7 +300,7 @@ lugre: FrictionLaw = FrictionLaw(
     parameters={
         "F_s": _F_S,
         "F_c": _F_C,
-        "v_s": Parameter(1e-3, "m/s", "speed over which friction falls", "(0, inf)"),
+        "v_s": Parameter(1e-3, "m/s", "speed over which friction decreases", "(0, inf)"),
         "sigma_0": Parameter(1e5, "N/m", "stiffness of the bristles", "(0, inf)"),
         "sigma_1": Parameter(316.2277660168379, "N*s/m", "damping of the bristles", "[0, inf)"),
     },
