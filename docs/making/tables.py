@@ -28,7 +28,7 @@ MEANINGS = {
     "sign": "1 where x ≥ 0, −1 below; `sign(0)` typed as a number is 0",
     "heaviside": "1 where x ≥ 0, 0 below",
     "floor": "the largest whole number that is not above x",
-    "mod": "what is left of x modulo m, with the sign of m",
+    "mod": "remainder of x modulo m, with the sign of m",
     "square": "the sign of sin x",
     "triangle": "goes through 0, 1, 0, −1 where the sine does, on straight lines",
     "sawtooth": "rises from −1 to 1 over each period 2π, from 0 on",

@@ -65,7 +65,7 @@ def test_a_document_does_not_grow(explorer: Explorer) -> None:
         header, content, _ = await page.message()
         assert header["msgtype"] == "ERROR"
         assert json.loads(content) == {
-            "text": "A page may ask questions, and nothing else.",
+            "text": "This kind of message is not supported.",
             "traceback": None,
         }
         await page.send("PULL-DOC-REQ", {})

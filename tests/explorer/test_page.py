@@ -329,7 +329,7 @@ def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
 
     screen.wait_for(busy, "a worker at work")
     busy()[0].process.kill()
-    screen.until("document.getElementById('toast').textContent.includes('new worker')")
+    screen.until("document.getElementById('toast').textContent.includes('a new one was started')")
     screen.js("explorer.change('model', () => { explorer.state = explorer.fresh('belt_block') })")
     screen.motion()
 

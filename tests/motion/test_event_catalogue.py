@@ -135,7 +135,7 @@ def test_pieces() -> None:
     second = ss.simulate(system, (quiet, 100.0), initial=state).event_catalogue()
     again = ss.EventCatalogue.joined([first, second])
     assert len(again) == len(whole)
-    for wrong, said in ((pieces[::-1], "before the end"), ([], "there are none")):
+    for wrong, said in ((pieces[::-1], "before the end"), ([], "no catalogue was given")):
         with pytest.raises(DeclarationError, match=said):
             ss.EventCatalogue.joined(wrong)
     other = ss.simulate(system, (200.0, 210.0), parameters={"V": 0.2}).event_catalogue()

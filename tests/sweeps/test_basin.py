@@ -153,13 +153,13 @@ def test_motions_that_stop_or_do_not_arrive() -> None:
 @pytest.mark.parametrize(
     ("axes", "message"),
     [
-        ({"phi": "0.0:1.0:3"}, "neither a parameter nor a part of the state"),
+        ({"phi": "0.0:1.0:3"}, "unknown parameter or part of the state"),
         ({"P": "0.8:1.0:3"}, "not a state"),
-        ({"psi": (-1.0, 1.0, 3)}, "may be a range or three values"),
-        ({"psi": [1.0, 0.0]}, "do not rise"),
-        ({"psi": [0.5]}, "do not rise"),
+        ({"psi": (-1.0, 1.0, 3)}, "is ambiguous: a range or three values"),
+        ({"psi": [1.0, 0.0]}, "do not increase"),
+        ({"psi": [0.5]}, "do not increase"),
         ({"psi": "abc"}, "abc"),
-        ({}, "nothing to vary"),
+        ({}, "no axis was given"),
     ],
 )
 def test_bad_arguments(axes: dict, message: str) -> None:

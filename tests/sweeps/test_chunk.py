@@ -129,11 +129,11 @@ def test_limits_are_kept() -> None:
 @pytest.mark.parametrize(
     ("initial", "parameters", "measures", "words"),
     [
-        ({}, {"P": [1.0]}, ("sped",), "no measure 'sped'"),
-        ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
-        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
+        ({}, {"P": [1.0]}, ("sped",), "unknown measure 'sped'"),
+        ({}, {"P": [1.0]}, ("amplitude:phi",), "unknown quantity 'phi'"),
+        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "unknown quantity 'tail'"),
         ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),
-        ({}, {"Q": [1.0]}, ("speed",), "no such parameter"),
+        ({}, {"Q": [1.0]}, ("speed",), "unknown parameter"),
         ({}, {"P": [np.nan]}, ("speed",), "finite"),
         ({"psi": [0.1, 0.2]}, {"P": [1.0, 1.1, 1.2]}, ("speed",), "different lengths"),
         ({"phi": [0.1]}, {}, ("speed",), "not a part of the state"),

@@ -57,7 +57,7 @@ def test_what_is_offered_can_be_measured() -> None:
 def test_what_cannot_be_loaded_is_said_when_it_is_asked_for() -> None:
     with pytest.raises(StickslipError, match=r"measure missing: somebody:gone cannot be loaded"):
         read_measures(TOY, ["missing"])
-    with pytest.raises(StickslipError, match="no function of that name"):
+    with pytest.raises(StickslipError, match="not a function of that name"):
         read_measures(TOY, ["other"])
-    with pytest.raises(DeclarationError, match="there is no measure 'nobody'"):
+    with pytest.raises(DeclarationError, match="unknown measure 'nobody'"):
         read_measures(TOY, ["nobody"])

@@ -41,11 +41,7 @@ def belt_block(**given: float | str) -> System:
         },
         span=DefaultSpan((0, 50)),
         time_unit="s",
-        conditions={
-            "stick-slip": Condition(
-                "F_s > F_k", "steady sliding and stick-slip do not differ in force"
-            )
-        },
+        conditions={"stick-slip": Condition("F_s > F_k", "static and kinetic friction are equal")},
         facts={
             "period": "2*Delta/(k*V) + 2/omega*(pi - atan(omega*Delta/(k*V)))",
             "slip_duration": "2/omega*(pi - atan(omega*Delta/(k*V)))",

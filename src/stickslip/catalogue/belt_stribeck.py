@@ -32,7 +32,7 @@ def belt_stribeck(**given: float | str) -> System:
             "V": Parameter(0.2, "m/s", "speed of the belt", "(0, inf)"),
             "F_s": Parameter(1.0, "N", "static friction", "(0, inf)"),
             "F_c": Parameter(0.5, "N", "friction at high speed", "(0, inf)"),
-            "v_s": Parameter(0.4, "m/s", "speed at which friction falls", "(0, inf)"),
+            "v_s": Parameter(0.4, "m/s", "speed over which friction decreases", "(0, inf)"),
         },
         drives={"belt": "V"},
         coordinates={"x": Inertial("m", "position of the block")},
@@ -47,7 +47,7 @@ def belt_stribeck(**given: float | str) -> System:
         span=DefaultSpan((0, 50)),
         time_unit="s",
         conditions={
-            "falling": Condition("F_s > F_c", "friction does not fall with the speed"),
+            "falling": Condition("F_s > F_c", "friction does not decrease with the speed"),
             "slow": Condition("V < V_c", "steady sliding is stable"),
         },
         functions={"V_c": "v_s*log((F_s - F_c)/(c*v_s))"},

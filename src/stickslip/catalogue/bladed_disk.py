@@ -47,13 +47,13 @@ def bladed_disk(
     whole = [is_finite(x) and float(x).is_integer() for x in (n, order)]
     if not (whole[0] and 3 <= n <= _MOST):
         raise DeclarationError(
-            "bladed_disk.n", "not a number of sectors", f"Give a whole number from 3 to {_MOST}"
+            "bladed_disk.n", "not a number of sectors", f"Give an integer from 3 to {_MOST}"
         )
     if not (whole[1] and 0 <= order < n):
         raise DeclarationError(
             "bladed_disk.order",
             "not an engine order",
-            f"Give a whole number from 0 to {int(n) - 1}",
+            f"Give an integer from 0 to {int(n) - 1}",
         )
     if not (is_finite(mistuning) and 0.0 <= mistuning < 1.0):
         raise DeclarationError(

@@ -43,6 +43,6 @@ def coin(**given: float | str) -> System:
         initial={"d_x": 0.3, "d_phi": 60.0},
         span=(0, 0.4),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "it never comes to rest")},
+        conditions={"friction": Condition("mu > 0", "the body never comes to rest")},
         facts={"largest_moment": "2/3*mu*m*g*a"},
     ).configure(given)

@@ -33,7 +33,7 @@ def isolated_floor(**given: float | str | TimeFunction) -> System:
             "mu": Parameter(0.05, "1", "coefficient of friction of the bearings", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "R": Parameter(1.5, "m", "radius of the bearings", "(0, inf)"),
-            "S": Parameter(1.0, "m/s^2", "what 1 in the accelerations stands for", "(0, inf)"),
+            "S": Parameter(1.0, "m/s^2", "scale of the accelerations", "(0, inf)"),
         },
         functions={"envelope": "(t/3)**2*exp(2 - 2*t/3)"},
         drives={

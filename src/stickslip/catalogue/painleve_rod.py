@@ -40,7 +40,7 @@ def painleve_rod(**given: float | str) -> System:
             "e": Parameter(0.0, "1", "restitution", "[0, 1]"),
         },
         coordinates={
-            "x": Inertial("m", "place of the centre"),
+            "x": Inertial("m", "position of the centre"),
             "y": Inertial("m", "height of the centre"),
             "theta": Inertial("rad", "angle of the rod from the floor"),
         },
@@ -61,7 +61,7 @@ def painleve_rod(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "no paradox": Condition(
-                "mu < 4/3", "at some angles a tip that slides in front has no acceleration"
+                "mu < 4/3", "at some angles a sliding tip has no admissible acceleration"
             )
         },
         facts={

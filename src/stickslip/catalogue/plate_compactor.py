@@ -44,7 +44,7 @@ def plate_compactor(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "ground contact": Condition(
-                "F <= m*g", "the plate leaves the ground; here it then slides freely"
+                "F <= m*g", "the plate lifts off; in the model it then slides without friction"
             )
         },
         facts={"mean_threshold": "mu*m*g", "smallest_threshold": "mu*max(m*g - F, 0)"},

@@ -32,7 +32,7 @@ def prandtl_tomlinson(**given: float | str) -> System:
         parameters={
             "k": Parameter(1.0, "N/m", "stiffness of the spring", "(0, inf)"),
             "V_0": Parameter(0.05, "aJ", "half the depth of the valleys", "[0, inf)"),
-            "a": Parameter(0.5, "nm", "distance of the valleys", "(0, inf)"),
+            "a": Parameter(0.5, "nm", "distance between the valleys", "(0, inf)"),
             "nu": Parameter(0.01, "N*s/m", "viscosity", "(0, inf)"),
             "V": Parameter(1.0, "nm/s", "speed of the support"),
         },

@@ -31,7 +31,7 @@ def rate_and_state_slider(**given: float | str) -> System:
         parameters={
             "a": Parameter(0.01, "1", "direct effect", "(0, inf)"),
             "b": Parameter(0.015, "1", "evolution effect", "[0, inf)"),
-            "D_c": Parameter(8e-3, "m", "slip in which the state changes", "(0, inf)"),
+            "D_c": Parameter(8e-3, "m", "slip distance over which the state evolves", "(0, inf)"),
             "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(1e-6, "m/s", "reference rate", "(0, inf)"),
             "sigma": Parameter(5e7, "Pa", "normal stress", "(0, inf)"),

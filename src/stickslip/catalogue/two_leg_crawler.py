@@ -59,7 +59,7 @@ def two_leg_crawler(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "step": Condition(
-                "D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg ever moves"
+                "D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg moves"
             ),
             "direction": Condition(
                 "abs(f_minus - f_plus) > 0", "without a preferred direction there is no net motion"

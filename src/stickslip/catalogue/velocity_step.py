@@ -31,7 +31,7 @@ def velocity_step(**given: float | str) -> System:
         parameters={
             "a": Parameter(0.01, "1", "direct effect", "(0, inf)"),
             "b": Parameter(0.012, "1", "evolution effect", "[0, inf)"),
-            "D_c": Parameter(10.0, "um", "slip in which the state changes", "(0, inf)"),
+            "D_c": Parameter(10.0, "um", "slip distance over which the state evolves", "(0, inf)"),
             "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(3.0, "um/s", "reference rate", "(0, inf)"),
             "k": Parameter(2e-3, "1/um", "stiffness per normal stress", "(0, inf)"),

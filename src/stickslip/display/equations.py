@@ -449,7 +449,7 @@ class _Text:
         pairs = self.equations.openings()
         lines = [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
         lines += [f"{when}:  {law}" for when, law in self.equations.adhesions(self.write)]
-        in_turn = ["impacts one after the other"] if self.system.impacts == "in turn" else []
+        in_turn = ["impacts sequentially"] if self.system.impacts == "in turn" else []
         return lines + in_turn
 
     def lines(self) -> list[str]:
@@ -462,14 +462,14 @@ class _Text:
             ("Dissipation potential", self.formula(self.equations.dissipation)),
             ("Equations of motion", self.motion()),
             ("Friction", self.friction()),
-            ("Contacts that can open", self.openings()),
+            ("Unilateral contacts", self.openings()),
             ("Constraints", [self.write(r) for r in self.equations.constraints()]),
             ("Jumps", self.jumps()),
             ("with", self.definitions()),
             ("Outputs", self.outputs()),
             ("Parameters", self.parameters()),
             ("Start", self.start()),
-            ("Shift that changes nothing", self.translation()),
+            ("Translation invariance", self.translation()),
             ("Conditions", self.conditions()),
             ("Facts", self.facts()),
         ]

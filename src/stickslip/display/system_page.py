@@ -99,7 +99,7 @@ class _Page:
         yield self.balances()
         yield self.friction()
         if self.system.impacts == "in turn":
-            yield _section("Impacts", ["<mtext>one after the other</mtext>"])
+            yield _section("Impacts", ["<mtext>sequentially</mtext>"])
         yield self.jumps()
         yield self.definitions()
 

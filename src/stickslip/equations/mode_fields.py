@@ -45,9 +45,9 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
         z = min(equations.implicit)
         raise DeclarationError(
             f"coordinates.{z}.drag",
-            f"the rate of {z} solves an equation, and has no formula",
-            "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
-            f"vector fields give {z} mass",
+            f"the rate of {z} is defined implicitly and has no closed form",
+            "Motions, ensembles and maps can be computed. For equilibria, cycles, branches and "
+            f"vector fields add mass to {z}",
         )
     return made_once(
         equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)
@@ -297,7 +297,7 @@ class _Solver:
         uneven += [response(first, second)]
         uneven += [response(i, k) for i in plane.parts for k in struck if k not in own]
         if not all(map(vanishes, uneven)):
-            raise ZeroDivisionError("the direction after the impact has no formula")
+            raise ZeroDivisionError("the direction after the impact has no closed form")
 
     def impulse(self, i: int, struck: list[int]) -> Expr:
         """Impulse of the friction of contact i, which slips, under normal impulses of what is
@@ -455,7 +455,7 @@ def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
     n = len(right)
     for k in range(n):
         if vanishes(a[k][k]):
-            raise ZeroDivisionError("the rates are not determined in this mode")
+            raise ZeroDivisionError("the rates are indeterminate in this mode")
         for i in range(k + 1, n):
             if a[i][k] is ex.ZERO:
                 continue

@@ -118,7 +118,7 @@ def rate_problem_of(
             raise DeclarationError(
                 where,
                 "a force on a rate-independent coordinate depends on a velocity",
-                "Let it depend on t, coordinates and internal variables",
+                "Use t, coordinates and internal variables only",
             )
         total = ex.along(e, rates)
         linear = [ex.derivative(total, f"d_{r}") for r in names]
@@ -127,7 +127,7 @@ def rate_problem_of(
             raise DeclarationError(
                 where,
                 "its rate is not linear in the rates of the rate-independent coordinates",
-                "Let internal laws depend on them linearly",
+                "Make the law linear in these rates",
             )
         return linear, ex.substitute(total, {r: ex.ZERO for r in own})
 

@@ -47,9 +47,7 @@ def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
         If not two states vary.
     """
     if basin["attractor"].ndim != 2:
-        raise DeclarationError(
-            "over", f"{basin['attractor'].ndim} states vary", "A picture needs two"
-        )
+        raise DeclarationError("over", f"{basin['attractor'].ndim} states vary", "Select two")
     if ax is not None:
         legend_above(ax, _draw(ax, basin))
         return root_of(ax)

@@ -146,7 +146,7 @@ class _Overview:
         for name in coordinates or ():
             if name not in known:
                 raise DeclarationError(
-                    "coordinates", f"there is no '{short(str(name))}'", suggestion(name, known)
+                    "coordinates", f"unknown quantity '{short(str(name))}'", suggestion(name, known)
                 )
         return set(known if coordinates is None else coordinates)
 

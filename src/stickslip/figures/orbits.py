@@ -124,7 +124,9 @@ def _known(branch: Branch, names: list[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     return names
 
@@ -135,7 +137,9 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
     for curve in curves:
         if not all(name in curve.points for name in names):
             raise DeclarationError(
-                "others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}"
+                "others",
+                f"the curve is over {curve.parameter}",
+                f"Give curves over {', '.join(names)}",
             )
     handles = list[Artist]()
     markers = _markers(curves)

@@ -81,7 +81,9 @@ def plot_response(
     for name in names or ():
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     shown = list(names or ("amplitude", "phase"))
     if ax is not None:

@@ -131,7 +131,9 @@ def plot_sweep(
             return _multiples(data, names)
     count = len(dimensions)
     raise DeclarationError(
-        "plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)"
+        "plot",
+        f"a map over {count} axes cannot be drawn",
+        "Select values of some axes: data.sel(P=1)",
     )
 
 

@@ -53,12 +53,12 @@ class _Check:
     def doubts(self) -> list[str]:
         d, time = self.system.declaration, self.units["t"]
         energy, label = self.energy()
-        power, as_power = _over(energy, time), f"{label}, over time,"
+        power, as_power = _over(energy, time), f"{label}, divided by time,"
         self.terms("potential", d.potential, energy, label)
         self.terms("kinetic", d.kinetic, energy, label)
         self.terms("viscous", d.dissipation, power, as_power)
         for x, force in d.forces.items():
-            unit, meaning = _over(energy, self.units[x]), f"{label}, over {x},"
+            unit, meaning = _over(energy, self.units[x]), f"{label}, divided by {x},"
             self.terms(f"coordinates.{x}.force", force, unit, meaning)
             if x in d.drags:
                 self.terms(f"coordinates.{x}.drag", d.drags[x], unit, meaning)
@@ -70,7 +70,7 @@ class _Check:
             force = _declared(c.unit)
             meaning = f"the unit of '{c.name}'"
             if force is None:
-                force, meaning = _over(power, slip), f"{as_power} over the relative velocity,"
+                force, meaning = _over(power, slip), f"{as_power} divided by the relative velocity,"
             self.terms(f"{where}.surface_speed", c.speed, slip, "the relative velocity")
             if c.dissipation is not None:
                 continue  # of a factor, and numbers in a formula may have units

@@ -86,11 +86,11 @@ class InModes:
 
     @property
     def unit(self) -> str:
-        """Of displacements."""
+        """Unit of displacements."""
         return self.structure.unit
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands."""
+        """Index of a degree of freedom."""
         return self.structure.index(unknown)
 
     def key(self, index: int) -> UnknownKey:
@@ -155,16 +155,17 @@ def start_of(
         try:
             prefix, name, index = entry_of(text, structures)
         except KeyError as error:
-            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+            raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
         structure = structures[name].structure
         if index not in structure.own:
             raise DeclarationError(
                 where,
-                "it is not a coordinate of a reduced structure, so that its value determines none",
-                f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+                "it is not a coordinate of the reduced structure",
+                "Keep it in the reduction, or give values of modes, like "
+                f"{prefix}{structures[name].coordinates[0]}",
             )
         if not is_finite(value):
-            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+            raise DeclarationError(where, "not a finite number", "Give a finite number")
         rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
     found: dict[str, float] = {}
     for (prefix, name), row in rows.items():

@@ -78,7 +78,9 @@ def vectors_of_largest(
                 return basis @ ritz[:, :count]
             if made >= _MOST * (count + width):
                 raise ConvergenceError(
-                    "modes", f"{made} vectors do not hold {count} modes", "Ask for fewer modes"
+                    "modes",
+                    f"{made} Lanczos vectors are not enough for {count} modes",
+                    "Request fewer modes",
                 )
             better = None
             if nearer and 2 * size >= 3 * count:

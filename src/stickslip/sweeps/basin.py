@@ -134,41 +134,40 @@ def basin(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Basin:
-    """Which attractor each state of a section of initial states reaches.
+    """Compute the attractor that each state of a section of initial states reaches.
 
     Parameters
     ----------
     system : System
     over : mapping of str to axis
-        The states that vary, usually two, as for :func:`stickslip.sweep`:
-        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
+        The initial values that vary, usually two, as for :func:`stickslip.sweep`: ``{"psi":
+        "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
     initial : mapping of str to float, optional
-        Of the other states; by default the declared ones. A rate-independent coordinate that
-        friction cannot hold there starts at the nearest place at which it can.
+        Initial values of the other states; by default the declared ones. A rate-independent
+        coordinate outside the stable set starts at the nearest stable value.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     span : (float, float), optional
-        Time span in place of that of the system: motions begin with it, and are given up after 100
-        times as long.
+        Time span that replaces the span of the system: motions start at its beginning, and are
+        abandoned after 100 times its length.
     settings : Settings, optional
-        How a motion settles, and the accuracy.
+        Criteria for settled motions, and the accuracy.
     workers : int, optional
-        Threads; by default all cores. The result does not depend on it.
+        Number of threads; by default all cores. The result does not depend on it.
     time_limit : float, optional
-        Seconds of processor time that a motion may take; one that takes longer counts as stopped.
+        Processor-time limit of a motion in seconds; a motion that exceeds it counts as stopped.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
     Basin
         Its dataset has one dimension for each name in `over`: ``attractor``, a code with
-        flag_meanings; negative
-        where a motion stopped (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``,
-        what the certificate of each motion lacks. Dimension ``reached``: ``kind``, ``period``,
-        ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
-        each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
-        ``family``.
+        flag_meanings; negative where a motion stopped (−1), did not settle (−2) or is undamped
+        (−3); and ``lacking``, the failed criterion of the certificate of each motion. Dimension
+        ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one
+        state, ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle,
+        and whether it is one of a ``family``.
 
     Raises
     ------
@@ -183,15 +182,17 @@ def basin(
     if known_for_a_time(system):
         raise DeclarationError(
             "basin",
-            f"the samples that drive {system.name} end, and no state reaches anything",
-            "Let the samples be periodic, or measure the motion over their span: ss.sweep",
+            f"the samples that drive {system.name} end, so no motion settles",
+            "Declare the samples periodic, or use ss.sweep to measure the motion over their span",
         )
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
     given = system.started(initial or {})
     if twice := [name for name in given if name in varying]:
-        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
+        raise DeclarationError(
+            f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"
+        )
     problem.initial_state(given)  # refuses what is none
     plan = Plan(
         system.with_parameters(**problem.parameters),
@@ -282,11 +283,13 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
             raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
-                where, "its values do not rise", "Give two or more, as in -2:2:80"
+                where,
+                "its values do not increase",
+                "Give at least two increasing values, as in -2:2:80",
             )
     if math.prod(map(len, axes)) > _MOST_STATES:
         raise DeclarationError(
-            "over", f"the section has more than {_MOST_STATES:,} states", "Give fewer values"
+            "over", f"the section has more than {_MOST_STATES:,} states", "Use fewer values"
         )
     return axes
 

@@ -161,7 +161,7 @@ def _node(
 def num(value: float) -> Expr:
     """A number; raises ``OverflowError`` if it is not finite."""
     if not math.isfinite(value):
-        raise OverflowError("a number in the formula is too large or undefined")
+        raise OverflowError("a number in the formula overflows or is undefined")
     return _node("num", float(value) + 0.0)
 
 
@@ -319,7 +319,7 @@ def power(base: Expr, exponent: Expr) -> Expr:
     base."""
     if exponent.op != "num":
         if base.op == "num" and number(base) <= 0.0:
-            raise ZeroDivisionError(f"{number(base):g} to a power that varies is undefined")
+            raise ZeroDivisionError(f"{number(base):g} to a variable power is undefined")
         return (
             num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
         )

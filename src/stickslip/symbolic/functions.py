@@ -218,7 +218,7 @@ class Function:
 
         slope = self._read(self.derivative)
         if self.recurrence == "chain" and any(e.op == self.name for e in walk([slope])):
-            raise ValueError(f"{self.name}: write its derivative without {self.name}")
+            raise ValueError(f"{self.name}: its derivative must not contain {self.name}")
         return slope
 
     @cached_property

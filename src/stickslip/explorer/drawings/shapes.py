@@ -34,7 +34,7 @@ def structures_by_index(motion: Trajectory, times: Array) -> Scene:
     system = motion.system
     parts = system.written_structures
     height = _TALL * len(parts)
-    about = f"Displacements of {system.name} over the number of the unknown"
+    about = f"Displacements of {system.name} by degree of freedom"
     scene = Scene(_WIDTH + 1.4, height, -height + _TALL / 2.0, about=about)
     for row, (name, part) in enumerate(parts.items()):
         _add_structure(scene, motion, times, name, part, -_TALL * row)

@@ -79,8 +79,8 @@ class Listening:
         else:
             raise DeclarationError(
                 "--port" if self.port else "--host",
-                f"{self.host}:{wanted[-1]} cannot be listened at ({reason})",
-                "Choose another one, or leave it out",
+                f"cannot listen on {self.host}:{wanted[-1]} ({reason})",
+                "Choose another port, or omit it",
             )
         self.token = secrets.token_urlsafe(16)
 

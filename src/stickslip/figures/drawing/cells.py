@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.request.scales import ColourScale
 
-COLOURS: Mapping[str, str] = {"one way": "viridis", "both ways": "RdYlBu_r", "round": "twilight"}
+COLOURS: Mapping[str, str] = {
+    "one way": "viridis",
+    "both ways": "RdYlBu_r",
+    "round": "twilight",
+}
 """Colour maps by the kind of scale. Colour-blind readers can tell them apart, and none has the
 white of what is not computed."""
 

@@ -30,7 +30,9 @@ def chosen_measures(data: xarray.Dataset, measures: Sequence[str] | None) -> lis
     for name in measures or []:
         if name not in known:
             raise DeclarationError(
-                "measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}"
+                "measure",
+                f"the map has no measure '{short(name)}'",
+                f"Choose from {', '.join(known)}",
             )
     return list(measures) if measures else known[:-1]
 

@@ -58,7 +58,9 @@ def plot_quantities(
     for name in names:
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     if ax is not None:
         colours = line_colours(len(names))

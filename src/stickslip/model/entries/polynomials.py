@@ -456,7 +456,7 @@ class TableRow(Function):
         """
         found = LIVING.get(self.table)
         if found is None:
-            raise ReferenceError(f"{self.table}: these samples are gone")
+            raise ReferenceError(f"{self.table}: these samples are no longer available")
         return found
 
     @cached_property

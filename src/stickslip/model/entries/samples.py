@@ -50,7 +50,7 @@ _FINEST = 1e-12  # part of the largest time that two samples are apart at least
 
 
 class Samples(TimeFunction):
-    """A function of time that is known at some times.
+    """A function of time given by samples.
 
     Parameters
     ----------
@@ -58,20 +58,21 @@ class Samples(TimeFunction):
         Increasing, at least two.
     values : array, shape (m,)
     kind : {"linear", "cubic", "hold"}
-        What it is in between: straight lines, the cubic spline (not-a-knot at the ends, or
-        periodic), or the value of the sample before.
+        Interpolation: piecewise linear, a cubic spline (not-a-knot at the ends, or periodic), or
+        the value of the previous sample.
     periodic : bool
-        Whether it repeats after ``times[-1] - times[0]``; its last value is its first, then.
+        Whether the function has the period ``times[-1] - times[0]``; the last value must equal the
+        first.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file`` and the names of its columns ``time`` and ``value``.
 
     Raises
     ------
     DeclarationError
-        If the times are no increasing numbers, a value is not finite, there are fewer than two, or
-        a periodic function ends elsewhere than it begins.
+        If the times are not increasing numbers, a value is not finite, there are fewer than two
+        samples, or the last value of a periodic function differs from the first.
 
     Examples
     --------
@@ -95,14 +96,15 @@ class Samples(TimeFunction):
         if kind not in SAMPLE_KINDS:
             raise DeclarationError(
                 f"{where}, kind",
-                f"there is no kind '{short(str(kind))}'",
+                f"unknown kind '{short(str(kind))}'",
                 suggestion(str(kind), SAMPLE_KINDS, '"'),
             )
         t, y = checked(times, values, where)
         if periodic and kind != "hold" and y[0] != y[-1]:
             raise DeclarationError(
                 where,
-                f"they begin with {y[0]:.9g} and end with {y[-1]:.9g}, but are to be periodic",
+                f"periodic samples must end with the first value, but they begin with {y[0]:.9g} "
+                f"and end with {y[-1]:.9g}",
                 "Repeat the first value at the end of the period",
             )
         t.flags.writeable = y.flags.writeable = False
@@ -213,11 +215,11 @@ class Samples(TimeFunction):
 
     @property
     def period(self) -> float:
-        """After which they repeat; 0 if they do not."""
+        """Period; 0 if not periodic."""
         return self.span[1] - self.span[0] if self.periodic else 0.0
 
     def covers(self, start: float, stop: float) -> bool:
-        """Whether they say something of all times in a span."""
+        """Whether they cover a time span."""
         first, last = self.span
         near = NEAR_SAMPLE * max(abs(first), abs(last))
         return self.periodic or (first - near <= start and stop <= last + near)
@@ -232,13 +234,13 @@ class Samples(TimeFunction):
         return found
 
     def count(self, start: float, stop: float) -> int:
-        """How many of them are in a span, at most."""
+        """Maximum number of samples in a span."""
         periods = math.ceil((stop - start) / self.period) + 1 if self.periodic else 1
         return periods * (len(self.times) + 1)
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of them: a few as lists, many as one text (Base64 of compressed
-        floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         found |= {"periodic": True} if self.periodic else {}
         if len(self.times) <= _LISTED:
@@ -252,7 +254,7 @@ class Samples(TimeFunction):
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Samples:
-        """Samples of what a model file says.
+        """Samples from the plain data of a model file.
 
         Parameters
         ----------
@@ -275,7 +277,7 @@ class Samples(TimeFunction):
         if way is None:
             raise DeclarationError(
                 where,
-                "it says of no samples where they are",
+                "the source of the samples is missing",
                 'Write it like {file = "base.csv", time = "t", value = "a"}',
             )
         known = {*way, "kind", "periodic", "digest"}
@@ -289,7 +291,7 @@ class Samples(TimeFunction):
         if way[0] == "file":
             file, time, value = (table.get(key, "") for key in way)
             if not all(isinstance(part, str) for part in (file, time, value)):
-                raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
+                raise DeclarationError(where, "a name is not a string", 'Write it like time = "t"')
             found = cls.read(folder / file, time, value, kind, periodic, name=name)
         elif way[0] == "times":
             found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
@@ -298,11 +300,15 @@ class Samples(TimeFunction):
         else:
             raise DeclarationError(
                 where,
-                "these samples are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these samples were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     def __call__(self, t: ArrayLike) -> Any:
@@ -330,25 +336,26 @@ def noise(
     seed: int,
     kind: SampleKind = "linear",
 ) -> Samples:
-    """Noise for a drive: independent normal numbers at even times, and samples of them in between.
+    """Create noise for a drive: independent normal samples at equidistant times, interpolated in
+    between.
 
-    It is not white: a motion with dry friction has no meaning under white noise that does not
-    depend on how it is discretised. Its spectrum is that of `kind`, flat up to about a quarter of
-    1/period, and the motion under it is as exact as under any record. Halve the period, and divide
-    the deviation by √2, to see what depends on it.
+    The noise is not white: with dry friction, a motion under white noise depends on the
+    discretisation. The spectrum is that of the interpolation `kind`, flat up to about a quarter of
+    1/period, and the motion is as exact as for any record. To check the dependence on the period,
+    halve it and divide the deviation by √2.
 
     Parameters
     ----------
     span : (float, float)
-        It covers all of it.
+        Time span covered by the samples.
     period : float
         Time between the samples.
     deviation : float
         Standard deviation of the samples.
     seed : int
-        Of NumPy's generator: equal seeds give equal noise, on every machine.
+        Seed of NumPy's generator: equal seeds give equal noise on every machine.
     kind : {"linear", "cubic", "hold"}
-        What it is between the samples.
+        Interpolation between the samples.
 
     Returns
     -------
@@ -370,15 +377,17 @@ def noise(
     if not (np.isfinite([start, end]).all() and start < end):
         raise DeclarationError("span", f"({start:g}, {end:g}) is empty", "Give (start, end)")
     if not 0.0 < period < np.inf:
-        raise DeclarationError("period", f"it is {period:g}", "Give a positive number")
+        raise DeclarationError(
+            "period", f"{period:g} is not a positive number", "Give a positive number"
+        )
     if not 0.0 <= deviation < np.inf:
-        raise DeclarationError("deviation", f"it is {deviation:g}", "Give a number that is not < 0")
+        raise DeclarationError("deviation", f"{deviation:g} is negative", "Give a number >= 0")
     if not seed >= 0:
-        raise DeclarationError("seed", f"it is {seed}", "Give a whole number that is not < 0")
+        raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
     steps = np.ceil((end - start) / period * (1.0 - 1e-12))
     if steps > _MOST_NOISE:
-        reason = f"this makes {steps:.3g} samples (at most {_MOST_NOISE:,})"
-        raise DeclarationError("period", reason, "Give a longer one, or a shorter span")
+        reason = f"it would need {steps:.3g} samples (at most {_MOST_NOISE:,})"
+        raise DeclarationError("period", reason, "Increase it, or shorten the span")
     times = start + period * np.arange(int(max(steps, 1.0)) + 1)
     values = deviation * np.random.default_rng(seed).standard_normal(len(times))
     return Samples(times, values, kind, where="noise")
@@ -456,7 +465,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
         raise DeclarationError(
             where,
             f"{t.size} {several} and {y.size} values",
-            f"Give as many {several} as values, at least 2 of each, in a row",
+            "Give two lists of the same length, with at least 2 entries",
         )
     for column, part in enumerate((t, y)):
         finite = np.isfinite(part)
@@ -469,7 +478,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
                 k,
                 column,
                 f"{part[k]} is not a number",
-                "Leave the row out, or fill it",
+                "Fill it, or delete the row",
             )
     check_increasing(t, where, argument)
     return t, y
@@ -487,7 +496,7 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
     if not later.all():
         k = int(np.argmin(later)) + 1
         same = t[k] == t[k - 1]
-        what = "stands twice" if same else f"comes after {t[k - 1]:.9g}"
+        what = "occurs twice" if same else f"comes after {t[k - 1]:.9g}"
         remedy = "Keep one of the two rows" if same else f"Sort the rows by {argument}"
         raise WrongRow(where, several, k, 0, f"the {argument} {t[k]:.9g} {what}", remedy)
     close = np.diff(t) > _FINEST * np.max(np.abs(t))
@@ -498,8 +507,8 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
             several,
             k,
             0,
-            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
-            f"Count {argument} from the first sample",
+            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to each other",
+            f"Shift {argument} so that the first sample is at 0",
         )
 
 
@@ -512,7 +521,7 @@ def _unpacked(text: object, where: str) -> tuple[Array, Array]:
         t, y = np.frombuffer(content, "<f8").astype(float).reshape(2, -1)
     except (ValueError, zlib.error):
         raise DeclarationError(
-            where, "the packed samples are damaged", "Write the file once more"
+            where, "the packed samples are damaged", "Write the file again"
         ) from None
     return t, y
 
@@ -521,4 +530,4 @@ def _numbers(part: Any, where: str) -> Array:
     try:
         return np.array(part, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
+        raise DeclarationError(where, "they are not all numbers", "Give numbers") from None

@@ -75,25 +75,26 @@ _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
 class Table:
-    """A curve, or a surface, that is known at some places.
+    """A curve or a surface given at points.
 
     Parameters
     ----------
     points : array, shape (m,), or pair of arrays, shapes (m,) and (n,)
-        Where it is known: increasing, at least two; of a surface the two axes of a grid.
+        Increasing points, at least two; for a surface, the two axes of a grid.
     values : array, shape (m,) or (m, n)
-        Of a curve, they may be formulas of the system's parameters, unless it is monotone.
+        Values at the points. For a curve they may be formulas of the parameters of the system,
+        except with ``"pchip"``.
     kind : {"linear", "pchip", "cubic"}
-        What it is in between: straight lines, of a surface bilinear; the monotone cubic of Fritsch
-        and Carlson, a curve with a continuous slope; or the cubic spline, not-a-knot at its ends,
-        of a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
+        Interpolation: piecewise linear, bilinear for a surface; the monotone cubic of Fritsch and
+        Carlson, for a curve with a continuous slope; or a cubic spline, not-a-knot at its ends, for
+        a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
         ``RectBivariateSpline(..., s=0)`` of SciPy.
     outside : {"refused", "constant", "linear"} or pair of these
-        What it is outside of the points: nothing, so that a motion that comes there ends with the
-        outcome *outside of a table*; the value at the end; or the straight line on which it ends. A
-        pair gives this below and above. By default nothing: what was not measured is not known.
+        Extrapolation: refused, so that a motion outside the points ends with the outcome *outside
+        of a table*; the value at the end; or linear with the slope at the end. A pair applies below
+        and above. Refused by default.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file``, and the names of its columns ``of`` and ``value``.
 
@@ -104,10 +105,10 @@ class Table:
 
     Notes
     -----
-    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. Of a curve, formulas
-    know the slope as ``d_mu(x)`` and the integral as ``integral_mu(x)``, exactly: the energy of a
-    spring with the force ``F(x)`` is ``integral_F(x)``. It is 0 at 0, or at the end of the table
-    that is nearest to 0.
+    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. For a curve, the
+    exact slope and integral are available as ``d_mu(x)`` and ``integral_mu(x)``: the energy of a
+    spring with the force ``F(x)`` is ``integral_F(x)``. The integral is 0 at 0, or at the end of
+    the table nearest to 0.
 
     Examples
     --------
@@ -142,7 +143,7 @@ class Table:
             if kind == "pchip":
                 raise DeclarationError(
                     f"{where}, kind",
-                    "a surface is not monotone in one way",
+                    '"pchip" is not available for surfaces',
                     'Write "linear" or "cubic"',
                 )
         else:
@@ -158,14 +159,14 @@ class Table:
         if self.formulas and self.kind == "pchip":
             raise DeclarationError(
                 f"{where}, kind",
-                "a monotone curve is not linear in its values, which are formulas here",
+                '"pchip" is not available for values that are formulas',
                 'Write "linear" or "cubic", or give numbers',
             )
         if len(self.formulas) > _MOST_FORMULAS:
             raise DeclarationError(
                 f"{where}, values",
-                f"{len(self.formulas)} of them are formulas (at most {_MOST_FORMULAS})",
-                "Give numbers, or fewer points",
+                f"{len(self.formulas)} values are formulas (at most {_MOST_FORMULAS})",
+                "Use numbers, or fewer points",
             )
 
     @classmethod
@@ -262,7 +263,7 @@ class Table:
 
     @property
     def points(self) -> Any:
-        """Where it is known: an array, or a pair of them."""
+        """Points of the table: an array, or a pair of arrays."""
         return self.axes if len(self.axes) > 1 else next(iter(self.axes))
 
     @property
@@ -286,8 +287,8 @@ class Table:
         return content.hexdigest()[:16]
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it: few numbers as lists, many as one text (Base64 of
-        compressed floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         below, above = self.outside
         if below != above:
@@ -309,7 +310,7 @@ class Table:
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Table:
-        """A table of what a model file says.
+        """Table from the plain data of a model file.
 
         Parameters
         ----------
@@ -331,7 +332,7 @@ class Table:
         if way is None:
             raise DeclarationError(
                 where,
-                "it does not say where its points are",
+                "the points of the table are missing",
                 'Write it like {file = "mu.csv", of = "speed", value = "mu"}',
             )
         known = {*way, "kind", "outside", "digest"}
@@ -349,7 +350,9 @@ class Table:
             names = (table["file"], value, *(of if isinstance(of, tuple) else (of,)))
             if not all(isinstance(part, str) for part in names) or len(names) > 4:
                 raise DeclarationError(
-                    where, "a column is no text", 'Write it like of = "speed", or of = ["x", "y"]'
+                    where,
+                    "the name of a column is not a string",
+                    'Write it like of = "speed", or of = ["x", "y"]',
                 )
             found = cls.read(folder / table["file"], of, value, *options, name=name)
         elif way[0] == "points":
@@ -360,11 +363,15 @@ class Table:
         else:
             raise DeclarationError(
                 where,
-                "these points are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these points were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     # -- as a function -----------------------------------------------------------------------------
@@ -383,12 +390,12 @@ class Table:
             If values are formulas, or the number of arguments is wrong.
         """
         if self.formulas:
-            raise DeclarationError(
-                "table", "its values are formulas", "Ask a system, by system.evaluate"
-            )
+            raise DeclarationError("table", "its values are formulas", "Use system.evaluate")
         if len(places) != len(self.axes):
             raise DeclarationError(
-                "table", f"it has {len(self.axes)} argument(s), not {len(places)}", "Give so many"
+                "table",
+                f"the table has {len(self.axes)} argument(s), got {len(places)}",
+                "Give one array for each argument",
             )
         at = np.broadcast_arrays(*(np.asarray(place, float) for place in places))
         found = self._evaluated(*at)
@@ -415,7 +422,7 @@ class Table:
         return k, np.where((place >= low) & (place <= high), place - breaks[k], np.nan)
 
     def functions(self, name: str) -> dict[str, TableFunction]:
-        """What formulas may call of it: itself, and of a curve its slope and its integral."""
+        """Functions available in formulas: the table and, for a curve, its slope and integral."""
         if len(self.axes) > 1:
             return {name: _Surface(self, name)}
         return {
@@ -499,7 +506,7 @@ class Table:
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
     ) -> tuple[int, dict[tuple[int, int], PiecewisePolynomial]]:
-        """How many columns a surface has, and by powers of both places in a cell its coefficients,
+        """Number of columns of a surface, and by powers of both places in a cell its coefficients,
         functions of the number of the cell."""
         cells = self._cells(open_x, open_y)
         columns, rows, high, wide = cells.shape
@@ -708,8 +715,7 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
     for beyond, side in ((high < first, table.outside[0]), (low > last, table.outside[1])):
         if beyond and side == "refused":
             raise ZeroDivisionError(
-                f"the table '{name}' is known from {first:.9g} to {last:.9g}, not at "
-                f"{short(ex.to_text(x))}"
+                f"the table '{name}' covers {first:.9g} to {last:.9g}, not {short(ex.to_text(x))}"
             )
     return low >= first, high <= last
 

@@ -40,7 +40,7 @@ def read_formula(system: System, text: str, where: str) -> Expr:
     scope, bare = declared.results, text.strip()
     if NAME.fullmatch(bare) and bare not in {*scope.names, *scope.definitions, *scope.forbidden}:
         known = [*system.followed, *sorted(declared.published), *scope.definitions]
-        reason = f"there is no '{short(bare)}'"
+        reason = f"unknown quantity '{short(bare)}'"
         raise DeclarationError(where, reason, suggestion(bare, dict.fromkeys(known)))
     return scope.parse(text, where)
 

@@ -37,7 +37,7 @@ _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
 HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short to count
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
-_APART = "the cycles on both sides of a change of the sequence do not meet"
+_APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
@@ -52,16 +52,16 @@ _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
 _STEP = {
-    "long_name": "distance from the point before: the largest change of parameter, period and "
-    "ranges, relative to the branch's own"
+    "long_name": "distance from the previous point: largest change of parameter, period and "
+    "ranges, relative to those of the branch"
 }
 _MEANINGS = {
     "period": "period",
     "stick_time": "time in which all contacts stick",
     "slip_time": "time in which a contact slips",
-    "dissipated": "energy dissipated in a period",
-    "supplied": "energy supplied in a period",
-    "drift": "shift in a period",
+    "dissipated": "energy dissipated per period",
+    "supplied": "energy supplied per period",
+    "drift": "shift per period",
     "energy_per_distance": "mean friction (energy per distance)",
 }
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
@@ -375,7 +375,7 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
         onset = nearest_onset(motion, pieces)
         margin = onset.margin(motion, pieces)
         if math.isfinite(margin):
-            name = "force at the reversal" if onset.reverses else "least slip speed"
+            name = "force at the reversal" if onset.reverses else "smallest slip speed"
             return (Residual(name, abs(margin), SOLVED_TO, note="of the largest"),)
     return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
 
@@ -469,7 +469,7 @@ class Spacing:
         if not new.certificate.ok:
             raise Lost(f"the next cycle is {new.certificate.verdict}")
         if not self(last, new) <= APART:
-            raise Lost("the next cycle is quite another one")
+            raise Lost("the next cycle is a different one")
 
 
 def of_branch(

@@ -286,7 +286,7 @@ def trace(
         tangent, orientation = direction(equations, x, scale(x), towards)
     except (Lost, *NOT_DEFINED) as problem:
         raise StickslipError(
-            f"there is no solution near the start of the curve ({problem})"
+            f"no solution was found near the start of the curve ({problem})"
         ) from None
     path = Path([tracer.point(x, tangent, orientation, 0.0, scale(x))])
     ended = None
@@ -410,9 +410,9 @@ class _Tracer:
             except Outgrown as problem:
                 if len(path.points) > 1:
                     return Ending(Stop.LIMIT, str(problem)), step
-                failure = f"no solution was found further on ({problem})"
+                failure = f"no further solution was found ({problem})"
             except (Lost, *NOT_DEFINED) as problem:
-                failure = f"no solution was found further on ({problem})"
+                failure = f"no further solution was found ({problem})"
             step *= 0.5
         for name, point, sides in happened:
             if point is not path.points[-1]:

@@ -91,7 +91,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         raise
     except ConvergenceError as failure:
         raise ConvergenceError(
-            failure.where, failure.reached, "Take smaller steps, or use continue_cycle"
+            failure.where, failure.reached, "Use smaller steps, or continue_cycle"
         ) from None
 
 
@@ -152,8 +152,8 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
     if other:
         raise ConvergenceError(
             f"a cycle of {shooting.problem.system.name}",
-            f"Newton's method left the motion it started from for {other}",
-            "Start nearer to the cycle, or with a motion that has settled",
+            f"Newton's method converged to a different solution, {other}",
+            "Choose a start closer to the cycle, or a motion that has settled",
         )
     check_isolated(closed)
     return shortest(closed)
@@ -165,7 +165,7 @@ def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
         return "an equilibrium"
     change = abs(math.log(closed.orbit.period / x[shooting.time]))
     if change > _AGREES or closed.distance(shooting.stations[0].origin, shooting.start) > _AGREES:
-        return f"another, of period {closed.orbit.period:.6g}"
+        return f"a cycle of period {closed.orbit.period:.6g}"
     return ""
 
 
@@ -210,16 +210,16 @@ def _at_rest(
     moved = (
         {n: v for n, v in zip(names, velocity, strict=True) if v} if velocity is not None else {}
     )
-    along = some([f"{name} at the speed {v:.6g}" for name, v in moved.items()], 8)
+    along = some([f"{name} at speed {v:.6g}" for name, v in moved.items()], 8)
     return ConvergenceError(
         f"a cycle of {problem.system.name}",
         (
-            f"the motion becomes steady: from t = {time:.6g} on it moves along evenly, {along}, "
+            f"the motion becomes steady: from t = {time:.6g} it translates uniformly, {along}, "
             f"from {final}{tried}"
             if moved
-            else f"the motion comes to rest: from t = {time:.6g} on it stays near {final}{tried}"
+            else f"the motion comes to rest: from t = {time:.6g} it stays near {final}{tried}"
         ),
-        "Start with more energy, or choose parameters for which it keeps moving",
+        "Choose a start with more energy, or parameters for which the motion does not stop",
     )
 
 
@@ -382,9 +382,9 @@ class _Search:
     def _undamped(self) -> ConvergenceError:
         return ConvergenceError(
             f"a cycle of {self.problem.system.name}",
-            "nothing damps the motion: it goes on for ever without further events, and an "
-            "oscillation in it neither dies out nor grows",
-            "Add damping, or start at a state in which it does not swing",
+            "the motion continues without further events, with an undamped oscillation that "
+            "neither decays nor grows",
+            "Add damping, or choose a start without this oscillation",
         )
 
     def _failed(
@@ -395,18 +395,21 @@ class _Search:
         exponent: Exponent | None,
     ) -> ConvergenceError:
         """What was seen of a motion on which no cycle was found."""
-        reached = f"no cycle was found within t = {until:.6g}: the motion comes back "
+        reached = f"no cycle was found within t = {until:.6g}: the motion "
         reached += (
-            f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
+            f"returns at best to within {closest.distance:.2g} of its size, after "
+            f"{closest.period:.6g}"
             if closest is not None
-            else "not once"
+            else "never returns"
         )
         if extents[1] < _DIES_OUT * extents[0]:
-            reached += f"; it dies out: its extent fell from {extents[0]:.2g} to {extents[1]:.2g}"
+            reached += (
+                f"; it decays: its extent decreased from {extents[0]:.2g} to {extents[1]:.2g}"
+            )
         elif exponent is not None and exponent.irregular:
-            reached += f"; the motion looks irregular: its largest Lyapunov exponent is {exponent}"
+            reached += f"; the motion appears chaotic: its largest Lyapunov exponent is {exponent}"
         elif self.failure is not None:
             reached += f"; {self.failure.reached}"
         return ConvergenceError(
-            f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle"
+            f"a cycle of {self.problem.system.name}", reached, "Choose a start closer to a cycle"
         )

@@ -145,11 +145,13 @@ def weight(system: System, text: str, values: Mapping[str, float]) -> float:
     if unit and force and not agree(unit, force):
         said = formula_unit(system, formula)
         raise DeclarationError(
-            where, f"it is measured in {said}, a weight in {_force_unit(system)}", "Write it as m*g"
+            where,
+            f"its unit is {said}, but a weight has the unit {_force_unit(system)}",
+            "Write it as m*g",
         )
     found = ex.evaluate(formula, values)
     if not found > 0.0:
-        raise DeclarationError(where, f"it is {found:g}", "A weight is positive")
+        raise DeclarationError(where, f"the weight is {found:g}", "Give a positive weight")
     return found
 
 

@@ -232,5 +232,5 @@ class _Covered:
                 for i, x in enumerate(free)
                 if i not in limited
             )
-            said.append(f"sets outside {where} were not looked for (give a box)")
+            said.append(f"sets outside {where} were not searched (give a box)")
         return said

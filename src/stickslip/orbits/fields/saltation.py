@@ -41,11 +41,11 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-TOUCHED = "a guard is touched without speed"
-_UNEXPLAINED = "no impulses are known that depend smoothly on what is before"
-_AT_ONCE = "several contacts close at once, which is a matter of order for neighbours"
-_CHANGES = "an impulse is just zero or at its threshold, and is not for neighbours"
-_TOO_MANY = "impacts in turn come to no end"
+TOUCHED = "a guard is touched tangentially"
+_UNEXPLAINED = "the impulses do not depend smoothly on the state before the impact"
+_AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
+_CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
+_TOO_MANY = "the sequence of impacts does not end"
 _MOST_TURNS = 400  # impacts in turn
 _NONE_LEFT = 1e-28  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-8  # part by which energies of approach are equal

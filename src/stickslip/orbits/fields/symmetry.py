@@ -197,9 +197,9 @@ class Surroundings:
             return moved + rest * self.sizes
         raise DeclarationError(
             "period",
-            f"the system is not the same after the period {period:.9g} of its drives: time enters "
-            "in another way, too",
-            "Cycles need a system that repeats",
+            f"the system is not invariant under the period {period:.9g} of its drives: it also "
+            "depends on time otherwise",
+            "Cycles need a periodic system",
         )
 
 

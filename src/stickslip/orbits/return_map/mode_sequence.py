@@ -90,13 +90,13 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     """Name of a change of the sequence, and what happens in words."""
     if is_open(after):
         missed = _difference(contacts, after[-2], after[0])
-        return LOSS, f"the motion no longer comes back to the phase it starts in: {missed}"
+        return LOSS, f"the motion no longer returns to the phase in which it starts: {missed}"
     for i, name in enumerate(contacts):
         if not name.startswith(NORMAL):
             continue
         own = name.removeprefix(NORMAL)
         for mode, kind, said in (
-            (_IMPACT, "grazing impact", ("is struck", "is no longer struck")),
+            (_IMPACT, "grazing impact", ("has an impact", "has no impact any more")),
             (0, "loss of contact", ("begins to stay closed", "no longer stays closed")),
         ):
             was, comes = (any(modes[i] == mode for modes, _ in s) for s in (before, after))
@@ -152,10 +152,10 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
 
     def said(contact: str, m: int, n: int) -> str:
         if not contact:
-            return "the force of a constraint changes its sign"
+            return "the force of a constraint changes sign"
         if contact.startswith(NORMAL):
             own = contact.removeprefix(NORMAL)
-            words = "is struck" if _IMPACT in (m, n) else "is about to open or to close"
+            words = "has an impact" if _IMPACT in (m, n) else "is about to open or to close"
             return f"contact '{own}' {words}"
         in_plane = contacts.count(contact) > 1
         between = " and ".join(mode_name(each, in_plane) for each in (max(m, n), min(m, n)))

@@ -221,12 +221,12 @@ def follow(
             if row := trajectory.system.unknown(name):
                 raise DeclarationError(
                     f"sensitivity: {name}",
-                    "an unknown of a structure, and the state has its modes",
-                    f"Ask for the amplitudes of modes, such as {next(iter(row))}",
+                    "a degree of freedom of a structure; the state has its modes",
+                    f"Use the amplitudes of modes, such as {next(iter(row))}",
                 )
             raise DeclarationError(
                 f"sensitivity: {name}",
-                "no parameter, and no part of the state, has this name",
+                "unknown parameter or part of the state",
                 suggestion(name, known),
             )
     free = tuple(dict.fromkeys(name for name in names if name not in state))
@@ -240,7 +240,9 @@ def follow(
     refused = _begin(trajectory, pieces, directions)
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
-    missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
+    missing += [
+        (t, "events coincide that are separate in neighbouring motions") for t in found.corners
+    ]
     missing += [(t, found.reasons.get(t, TOUCHED)) for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
@@ -286,7 +288,7 @@ def at_events(
         raise DeclarationError(
             "events",
             f"the state jumps in the impact at t = {when:.9g}",
-            "Observe only the times of impacts",
+            "Use the times of impacts only",
         )
     found, missing = follow(trajectory, trajectory, names, start, touching)
     equations = trajectory._problem.compiled.equations
@@ -322,7 +324,7 @@ def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Arr
     when = np.atleast_1d(np.asarray(times, float))
     if when.ndim != 1 or not np.all((when >= first) & (when <= last)):
         raise DeclarationError(
-            "times", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+            "times", "a time is outside the computed time span", f"Use {first:g} <= t <= {last:g}"
         )
     return when
 
@@ -416,7 +418,7 @@ def _begins_at_boundary(
         other = -piece.field.mode[contact] if reverse else guard.to
         beyond = pieces(*piece.switched(guard.switch, other)).rates(t, y, p)
         if np.max(np.abs(beyond - here.rates)) > _KEEPS * np.max(np.abs(here.rates)):
-            return "it begins on a boundary, on the other side of which rates are others"
+            return "it begins on a boundary at which the rates are discontinuous"
     return ""
 
 

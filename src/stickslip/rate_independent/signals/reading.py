@@ -24,7 +24,7 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
 INTERPOLATIONS: dict[str, type[LinearTable]] = {"linear": LinearTable, "monotone": MonotoneTable}
-"""What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
+"""Interpolation of samples: piecewise linear, or monotone cubics (PCHIP)."""
 
 
 def read(

@@ -58,7 +58,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     if name != "dense":
         able = "dense or multigrid" if together else "dense"
         raise DeclarationError(
-            "solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}"
+            "solver", f"{name!r} does not support {type(psi).__name__}", f"Use {able}"
         )
     if problem.n > _DENSE:
         raise DeclarationError(

@@ -230,7 +230,7 @@ def _named(system: System, measure: str) -> Named:
     name, _, of = measure.partition(":")
     if name not in MEASURES:
         raise DeclarationError(
-            "measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}"
+            "measure", f"unknown measure '{name}'", f"Known: {', '.join(MEASURES)}"
         )
     known = {
         "component": system.declaration.state,
@@ -240,12 +240,12 @@ def _named(system: System, measure: str) -> Named:
     opening = [c.name for c in system.declaration.contacts if c.opens]
     unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
     if of and (MEASURES[name].of == "quantity" or _of_formula(system, measure)):
-        remedy = "Declare it under 'outputs', and give its name"
+        remedy = "Declare it under 'outputs', and use its name"
         one_period.check_variable(of, f"measure.{name}", remedy)
         read_formula(system, of, f"measure.{name}")
     elif of and unknown and MEASURES[name].of != "weight":
-        remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
-        raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
+        remedy = f"Known: {', '.join(known)}" if known else f"Use '{name}'"
+        raise DeclarationError(f"measure.{name}", f"unknown quantity '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
         raise DeclarationError(
             "measure.speed",
@@ -259,16 +259,16 @@ def _named(system: System, measure: str) -> Named:
             if others and asked in {c.name for c in own}:
                 raise DeclarationError(
                     f"measure.{name}",
-                    f"'{asked}' rubs along the direction of {others}: while they stick, only the "
-                    "sum of their forces is determined",
-                    "Declare one contact with the sum of their thresholds",
+                    f"'{asked}' has the same direction as {others}: in stick only the sum of "
+                    "their forces is determined",
+                    "Combine them into one contact, with the sum of the thresholds",
                 )
     one_period.check_period_measure(system, name, of)
     if known_for_a_time(system) and name not in _OF_A_SPAN:
         raise DeclarationError(
             f"measure.{name}",
-            f"the samples that drive {system.name} end, and no motion settles",
-            f"Of the motion over the span there are {', '.join(_OF_A_SPAN)} and functions of yours",
+            f"the samples that drive {system.name} end, so no motion settles",
+            f"Use {', '.join(_OF_A_SPAN)}, or your own functions",
         )
     return MEASURES[name]
 

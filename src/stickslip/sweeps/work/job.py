@@ -80,7 +80,9 @@ def check_sendable(work: Work) -> None:
     try:
         pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
-        remedy = "Define it at the top of a module, name it as file.py:function, or use threads"
+        remedy = (
+            "Define it at the top level of a module, give it as file.py:function, or use threads"
+        )
         raise DeclarationError(
             "measure", f"a function cannot be sent to other processes ({error})", remedy
         ) from None

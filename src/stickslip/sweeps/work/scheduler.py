@@ -236,7 +236,7 @@ def _client(address: str) -> Any:
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise StickslipError(
-            f"{address}: no Dask scheduler answers there ({reason}). Check the address"
+            f"{address}: no Dask scheduler answers at this address ({reason}). Check the address"
         ) from None
 
 
@@ -347,5 +347,5 @@ def _worker_died(error: Exception) -> bool:
 def _fatal(error: Exception) -> StickslipError:
     reason = " ".join(str(error).split()) or type(error).__name__
     return StickslipError(
-        f"workers died {_CHANCES} times over the same chunk ({reason}). Give them more memory"
+        f"workers died {_CHANCES} times at the same chunk ({reason}). Give them more memory"
     )
