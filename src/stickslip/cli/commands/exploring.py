@@ -33,10 +33,10 @@ def explore_command(
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
 ) -> None:
-    """Look and play: a page in the browser, with the exact motion while a slider is dragged.
+    """Open an interactive page in the browser: drag a slider and watch the exact motion.
 
-    Without MODEL it begins with the gallery. The page talks to this machine only; its address holds
-    a random token. Ctrl-C ends it.
+    Without MODEL it begins with the gallery. The page communicates with this machine only; its
+    address contains a random token. Ctrl-C ends it.
     """
     from stickslip.explorer.explore import listening_explorer
 
