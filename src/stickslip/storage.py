@@ -36,8 +36,6 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
 
     Parameters
     ----------
-    path : str or Path
-    data : xarray.Dataset
     kind : str
         What the result is, such as ``"trajectory"``.
     form : int

@@ -153,7 +153,6 @@ def convex_formula(
 
     Parameters
     ----------
-    value : Expr
     names : tuple of str
         Components of v.
     ranges : mapping of str to (float, float)

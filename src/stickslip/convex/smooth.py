@@ -40,7 +40,6 @@ def smooth_dissipation(
 
     Parameters
     ----------
-    value : Expr
     names : tuple of str
         Components of the relative velocity.
     values : mapping of str to float
@@ -142,12 +141,7 @@ def _numbers(v: Array) -> str:
 
 def evened(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
     """R′ and a diagonal matrix A with R(u) = R′(Au), such that the rate at which a face turns
-    dissipates like a velocity; of two components R itself.
-
-    Parameters
-    ----------
-    formula : ConvexFormula
-    """
+    dissipates like a velocity; of two components R itself."""
     n = formula.dimension
     if n < 3:
         return formula, (ex.ONE,) * n
@@ -178,7 +172,6 @@ class Slope(NamedTuple):
 
     Attributes
     ----------
-    components : tuple of Expr
     pieces : tuple of (Expr, Expr)
         Guards of its pieces: of a velocity, and the same of the direction.
     value : Expr
@@ -198,7 +191,6 @@ def gradient_along(
 
     Parameters
     ----------
-    formula : ConvexFormula
     direction, velocity : sequence of Expr
         By component.
     """

@@ -69,8 +69,6 @@ class Leap:
 
     Attributes
     ----------
-    name : str
-    guard : Node
     passes, sign : str
         How the guard passes through zero, in words and as a sign of LaTeX.
     moved : list of Relation
@@ -93,10 +91,6 @@ class Equations:
 
     ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper;
     a notebook shows the equations and the table of parameters.
-
-    Parameters
-    ----------
-    system : System
     """
 
     def __init__(self, system: System) -> None:

@@ -43,12 +43,7 @@ class Name:
 
 @dataclass(frozen=True)
 class OfModes(Name):
-    """An unknown of a structure, or its rate: a linear form of modes, or of their rates.
-
-    Attributes
-    ----------
-    weights : tuple of (str, Fraction)
-    """
+    """An unknown of a structure, or its rate: a linear form of modes, or of their rates."""
 
     weights: tuple[tuple[str, Fraction], ...]
 

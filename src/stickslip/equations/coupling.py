@@ -103,7 +103,6 @@ def together(
 
     Parameters
     ----------
-    parts : sequence of Component
     pairs : iterable of tuple of int
         Components of contacts in a plane, and of faces.
     closed : iterable of int

@@ -27,7 +27,6 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
 
     Parameters
     ----------
-    equations : MotionEquations
     mode : tuple of int
         By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried
         at its threshold; of one that can open 0 closed, +1 open.
@@ -63,11 +62,9 @@ def impact_map(
 
     Parameters
     ----------
-    equations : MotionEquations
     mode : tuple of int
         Of the impact: of a contact that can open 0 if it takes part, else 1; of the friction of one
         that takes part 0 if it sticks, ±1 if it slips with kinetic friction, ±2 with static.
-    region : tuple of int
     settled : frozenset of int
         Contacts that have lost their restitution, because what is left of their bounces takes no
         time.
@@ -274,7 +271,6 @@ class _Solver:
 
         Parameters
         ----------
-        plane : Plane
         struck : list of int
             All contacts that take part.
 

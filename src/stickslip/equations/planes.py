@@ -269,10 +269,6 @@ def pull_of(
 
     Parameters
     ----------
-    d : Declaration
-    contacts : list of DryContact
-    plane : Plane
-    rate : RateProblem
     force_of : dict of str to Expr
         The force on each viscous coordinate.
 

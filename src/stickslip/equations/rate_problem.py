@@ -28,8 +28,6 @@ class RateProblem:
         λᵢ = (∂ᵢΦ − forceᵢ)/jᵢ, a function of the state.
     stiffness, rest : matrix and list of Expr
         d/dt λᵢ = Σⱼ stiffnessᵢⱼ ṙⱼ + restᵢ.
-    threshold_slope, threshold_rest : pairs (for u > 0, u < 0) of the same for the thresholds.
-    partial, threshold_partial : matrices of ∂λᵢ/∂rⱼ and (pairs of) ∂sᵢ/∂rⱼ
     """
 
     weight: list[Expr]
@@ -47,7 +45,6 @@ class RateProblem:
 
         Parameters
         ----------
-        plane : Plane
         i, j : int
             Coordinates.
         first : int
@@ -72,7 +69,6 @@ class RateProblem:
 
         Parameters
         ----------
-        plane : Plane
         i : int
             Coordinate.
         speeds : list of Expr
@@ -99,8 +95,6 @@ def rate_problem_of(
 
     Parameters
     ----------
-    d : Declaration
-    contacts : list of DryContact
     slope : dict of str to Expr
         ∂Φ/∂x less the given force, by coordinate.
 

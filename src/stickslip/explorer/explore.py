@@ -67,7 +67,6 @@ def listening_explorer(
 
     Parameters
     ----------
-    system : System or str or None
     port : int, optional
     host : str
         The address to listen at.

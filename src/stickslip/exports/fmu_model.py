@@ -36,8 +36,6 @@ class FmuVariable:
 
     Attributes
     ----------
-    name : str
-    role : str
     value : float
         Before it is set; of outputs 0.
     unit, meaning : str
@@ -61,7 +59,6 @@ class FmuModel:
 
     Attributes
     ----------
-    system : System
     variables : tuple of FmuVariable
         In the order of their value references.
     version : str
@@ -117,7 +114,6 @@ def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[st
 
     Parameters
     ----------
-    system : System
     inputs : sequence of str, optional
         Parameters and drives; by default all drives that can be held.
     outputs : sequence of str

@@ -52,11 +52,6 @@ _OWN = frozenset(
 def write_numpy(system: System, path: str | Path) -> None:
     """Write the right-hand side and the events of a system as a file of Python.
 
-    Parameters
-    ----------
-    system : System
-    path : str or path
-
     Raises
     ------
     DeclarationError

@@ -31,7 +31,6 @@ def exported_table(
 
     Parameters
     ----------
-    result : Result
     quantities : sequence of str
         Columns beside those of the coordinates; all if there are none.
     step : float, optional
@@ -142,8 +141,6 @@ def write_csv(table: pandas.DataFrame, path: str | Path, units: bool) -> None:
 
     Parameters
     ----------
-    table : pandas.DataFrame
-    path : str or path
     units : bool
         Whether the names of the columns have their units, as in ``x [m]``.
 

@@ -46,7 +46,6 @@ def plot_backbone(
 
     Parameters
     ----------
-    found : Backbone
     names : sequence of str, optional
         Variables of the points; by default ``frequency``, and ``damping`` below.
     ax : matplotlib.axes.Axes, optional

@@ -41,10 +41,6 @@ def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     DeclarationError

@@ -39,7 +39,6 @@ def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    catalogue : EventCatalogue
     ax : matplotlib.axes.Axes, optional
         Draw how many events are at least as large into these axes.
     """

@@ -34,7 +34,6 @@ def plot_fragility(found: Fragility, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    found : Fragility
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
 

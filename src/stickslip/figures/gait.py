@@ -42,10 +42,6 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
         Of a system with contacts.
     periods : int
         Number of periods shown.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if not cycle.contacts:
         raise DeclarationError(

@@ -76,16 +76,11 @@ def plot_trajectory(
 
     Parameters
     ----------
-    trajectory : Trajectory
     t : (float, float), optional
         Window of the time.
     coordinates : sequence of str, optional
         Those that are shown, with their rates and with the contacts that move them; internal
         variables, and outputs. By default all.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------

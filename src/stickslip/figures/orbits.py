@@ -63,7 +63,6 @@ def plot_branch(
 
     Parameters
     ----------
-    branch : Branch
     names : list of str, optional
         What is drawn over the parameter; by default the coordinates and internal variables that
         change, and the speed of gaits, at most three; the mean friction of what is pulled along.
@@ -72,10 +71,6 @@ def plot_branch(
         equilibria.
     ax : matplotlib.axes.Axes, optional
         Draw the first of the names into these axes.
-
-    A curve in two parameters is drawn in their plane, together with others there: of Hopf points
-    those at which a stable cycle is born are solid, the others dashed. The side on which the
-    equilibrium is stable is shaded.
 
     Raises
     ------

@@ -75,10 +75,6 @@ def plot_phase_portrait(
     span : float, optional
         How long they are followed; by default a tenth of the declared span.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     DeclarationError

@@ -67,7 +67,6 @@ def plot_response(
 
     Parameters
     ----------
-    response : FrequencyResponse
     names : sequence of str, optional
         Variables of the points; by default ``amplitude``, and ``phase`` below.
     ax : matplotlib.axes.Axes, optional

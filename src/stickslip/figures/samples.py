@@ -25,12 +25,7 @@ def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    samples : Samples
     ax : matplotlib.axes.Axes, optional
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     with paper_style():
         ax = new_figure(6.4, 2.8).add_subplot() if ax is None else ax
@@ -57,12 +52,7 @@ def plot_table(table: Table, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    table : Table
     ax : matplotlib.axes.Axes, optional
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     source = table.source
     names = source.get("of", ["x", "y"] if len(table.axes) > 1 else "x")

@@ -220,7 +220,6 @@ def _line(
 
     Parameters
     ----------
-    axes : Axes
     data : xarray.Dataset
         With one axis.
     codes : sequence of int
@@ -360,7 +359,6 @@ def draw_map(
 
     Parameters
     ----------
-    axes : Axes
     data : xarray.Dataset
         A map over two axes.
     name : str

@@ -358,7 +358,6 @@ def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tup
 
     Parameters
     ----------
-    log_likelihood : float
     free : int
         Number of unknowns.
     count : int

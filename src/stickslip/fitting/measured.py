@@ -60,10 +60,8 @@ class MeasuredRecord:
 
     Attributes
     ----------
-    recording : Recording
     system : System
         With the drives of the recording.
-    columns : tuple of Column
     times : array
         Of its rows; the numbers of the rows if these are events.
     span : (float, float)
@@ -149,7 +147,6 @@ class MeasuredRecord:
 
         Parameters
         ----------
-        motion : Trajectory
         names : sequence of str
             Parameters, and initial values.
         touching : bool
@@ -234,8 +231,6 @@ def read_recording(
 
     Parameters
     ----------
-    system : System
-    recording : Recording
     observe : mapping of str to str
         The quantity, or formula of quantities, that each column is of.
     noise : mapping of str to float or str

@@ -158,7 +158,6 @@ def as_recordings(data: Any, shared: Mapping[str, Any]) -> tuple[Recording, ...]
 
     Parameters
     ----------
-    data : Recording, table, or sequence of these
     shared : mapping
         Attributes of records.
     """

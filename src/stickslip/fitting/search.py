@@ -50,13 +50,11 @@ class Search:
     ----------
     problem : FitProblem
         With the estimated noise.
-    best : Minimum
     starts : array, shape (starts, unknowns)
     minima : list of Minimum
         Where the starts have led that were followed to the end.
     reasons : list of str
         Why starts were given up.
-    interrupted : bool
     """
 
     problem: FitProblem
@@ -74,7 +72,6 @@ def minimise(
 
     Parameters
     ----------
-    problem : FitProblem
     starts : int
         How many, the given one first.
     seed : int

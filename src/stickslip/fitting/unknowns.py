@@ -28,10 +28,8 @@ class Unknown:
 
     Attributes
     ----------
-    name : str
     low, high : float
         Between which it is looked for.
-    start : float
     record : int
         Whose initial value it is; −1: a parameter, of all records.
     label : str
@@ -79,11 +77,9 @@ def read_unknowns(
 
     Parameters
     ----------
-    system : System
     free : mapping of str to (float, float) or None, or names
         Parameters, and components of the state for their initial values, with bounds; by default
         the declared ranges.
-    records : tuple of Recording
     given : mapping of str to float
         Values of parameters that replace the defaults: where to begin.
 

@@ -56,10 +56,6 @@ _TAKES = {
 class Cuda:
     """The first GPU that the driver knows.
 
-    Attributes
-    ----------
-    name : str
-
     Raises
     ------
     DeclarationError
@@ -144,7 +140,6 @@ class Cuda:
 
         Parameters
         ----------
-        entries : sequence of Entry
         system : str
             LLVM assembly of its functions.
         """
@@ -202,10 +197,8 @@ class Cuda:
 
         Parameters
         ----------
-        function
         words : array of int
             All arguments but the last.
-        count : int
         """
         place = self.allocate(words.nbytes)
         try:

@@ -125,7 +125,6 @@ class ReadCondition:
     ----------
     margin : Expr
         What is positive where it holds, or zero unless it is strict.
-    strict : bool
     otherwise : str
         What happens where it fails.
     """
@@ -156,15 +155,12 @@ class Declaration:
         Matrices M(q, t) of inertial and C, constant, of inertial and viscous coordinates, by pairs.
     kinetic : Expr
         T = q̇·M q̇/2 + b·q̇ + c, with b and c of q and t.
-    potential : Expr
     forces : dict of str to Expr
         Non-potential forces.
     drags : dict of str to Expr
         Resistances f(v) of inertial coordinates, and of viscous ones that have any.
     laws : dict of str to Expr
         Rates of the internal variables.
-    contacts : list of DryContact
-    jumps : list of StateJump
     outputs : dict of str to Expr
         What results show besides, by the names of :attr:`published`.
     scope : Scope

@@ -172,8 +172,6 @@ def parts_left_out(
 
     Parameters
     ----------
-    drives : mapping of str to TimeFunction
-    start, stop : float
     unit : str
         Of the time.
     """
@@ -197,7 +195,6 @@ def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[
 
     Parameters
     ----------
-    model : System or EvolutionModel
     given : mapping of str to float or formula
         A parameter's name with its value, or the name of a function with its formula.
     sections : tuple of str

@@ -51,7 +51,6 @@ def quantity(system: System, name: str) -> dict[str, str]:
 
     Parameters
     ----------
-    system : System
     name : str
         ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an
         acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
@@ -123,11 +122,6 @@ def _in_formulas(system: System, name: str) -> dict[str, str]:
 def quantity_or_formula(system: System, text: str) -> dict[str, str]:
     """The same of a formula of quantities, too, whose meaning is the formula itself.
 
-    Parameters
-    ----------
-    system : System
-    text : str
-
     Raises
     ------
     DeclarationError
@@ -150,7 +144,6 @@ def of_modes(
     ----------
     rows : mapping of str to mapping
         See :attr:`System.unknowns`.
-    values : mapping of str to array
     """
     found: dict[str, Array] = {}
     for name, row in rows.items():

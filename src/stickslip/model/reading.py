@@ -67,7 +67,6 @@ class DeclarationReader:
 
     Attributes
     ----------
-    system : System
     result : Declaration
         What has been read so far.
     constants, state, velocities, rates, inertia : dict of str to Expr

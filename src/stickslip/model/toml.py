@@ -53,7 +53,6 @@ class Language(Generic[_M]):
 
     Attributes
     ----------
-    model : type
     groups : tuple of str
         Fields before which a file has an empty line.
     sections : mapping of str to callable

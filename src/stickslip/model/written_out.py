@@ -599,9 +599,6 @@ class _WrittenOut:
 
         Parameters
         ----------
-        name : str
-        contact : LawContact
-        law : FrictionLaw
         words : dict of str to str
             What the law's own names become.
         slopes : mapping of str to str

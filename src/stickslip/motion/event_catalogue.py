@@ -289,7 +289,6 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
 
     Parameters
     ----------
-    motion : Trajectory
     energy : bool
         Whether energies are measured, and with them the certificate: that takes a pass through the
         whole motion.
@@ -351,11 +350,6 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
 
     The rates are looked at in 33 places of each Taylor step, and where they pass the limit between
     two of them the time is found to rounding.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    rate : float
 
     Raises
     ------

@@ -164,11 +164,8 @@ def run_loop(
 
     Parameters
     ----------
-    problem : Problem
-    start, end : float
     y : array, shape (n,)
         State at the start.
-    max_events : int
     progress : callable, optional
         Is told the fraction of the span that is done.
 
@@ -176,7 +173,6 @@ def run_loop(
     -------
     code : int
         Of an :class:`Outcome`.
-    knots : Knots
     ended : KeyboardInterrupt, TimeUp or None
         What ended it, if it is one of these.
     """

@@ -252,11 +252,9 @@ def follow_all(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (motions, parameters)
     states : array, shape (motions, n)
         Where they start.
-    span : (float, float)
     max_events : int
         Of each motion.
     workers : int
@@ -317,7 +315,6 @@ def follow_block(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (motions, parameters)
     states : array, shape (motions, n)
         Where they start.

@@ -26,10 +26,6 @@ _MOST_NAMED = 6  # coordinates in a message
 class _Gaps:
     """The gaps of a system as functions of parameters, time, and state.
 
-    Parameters
-    ----------
-    problem : Problem
-
     Attributes
     ----------
     held : array of bool, shape (gaps, 1)
@@ -71,7 +67,6 @@ class _Openings:
 
     Parameters
     ----------
-    problem : Problem
     start : float
         Time.
     table : array, shape (motions, parameters)
@@ -116,7 +111,6 @@ def put_on_contacts(problem: Problem, start: float, table: Array, states: Array)
 
     Parameters
     ----------
-    problem : Problem
     start : float
         Time.
     table : array, shape (motions, parameters)

@@ -331,7 +331,6 @@ def with_inputs(system: System, inputs: Mapping[str, float], linear: bool, time:
 
     Parameters
     ----------
-    system : System
     inputs : mapping of str to float
         Parameters and drives, and the values that they have at first.
     linear : bool

@@ -26,7 +26,6 @@ class BySymbols(Indexed):
     ----------
     name : str
         Of the structure, or with ``d_`` for the rates.
-    structure : Structure
     """
 
     name: str
@@ -46,7 +45,6 @@ class InForms(Indexed):
 
     Attributes
     ----------
-    part : InModes
     prefix : str
         ``"d_"`` of rates.
     """
@@ -76,13 +74,7 @@ class InForms(Indexed):
 
 @dataclass(frozen=True)
 class InModes:
-    """A structure in a system that is written out: coordinates are its modes of unit mass.
-
-    Attributes
-    ----------
-    name : str
-    structure : Structure
-    """
+    """A structure in a system that is written out: coordinates are its modes of unit mass."""
 
     name: str
     structure: Structure
@@ -144,8 +136,6 @@ def start_of(
 
     Parameters
     ----------
-    structures : mapping of str to InModes
-    given : mapping of str to float
     section : str
         Where they stand, for messages.
 
@@ -197,7 +187,6 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
     ----------
     text : str
         Such as ``d_u[tip]``.
-    structures : mapping of str to InModes
 
     Raises
     ------
@@ -211,12 +200,7 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
 
 
 def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:
-    """Unknowns that results show, and their rates, as rows of modes.
-
-    Parameters
-    ----------
-    structures : mapping of str to InModes
-    """
+    """Unknowns that results show, and their rates, as rows of modes."""
     names = [
         f"{prefix}{name}[{unknown}]"
         for name, part in structures.items()

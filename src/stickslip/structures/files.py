@@ -26,10 +26,6 @@ def packed_structure(structure: Structure) -> dict[str, Any]:
     """What a model file says of a structure: names and rules as they are, arrays as one text.
 
     Its modes are among them: others, which rounding makes elsewhere, would be other coordinates.
-
-    Parameters
-    ----------
-    structure : Structure
     """
     arrays: dict[str, Any] = {}
     for name in ("mass", "stiffness", "damping", "basis"):
@@ -73,7 +69,6 @@ def from_plain(table: Mapping[str, Any], where: str, folder: Path = Path()) -> S
         1e-6}``. With ``keep``, ``modes`` and ``method`` it is reduced. Or ``packed``.
     where : str
         The key, for messages.
-    folder : path
 
     Raises
     ------

@@ -38,7 +38,6 @@ def vectors_of_largest(
     solve : callable
         Multiplies columns by A⁻¹, which is symmetric and positive definite.
     mass : sparse array, shape (n, n)
-    count : int
     nearer : callable, optional
         Asked, with estimates of the largest eigenvalues, for a solution with another A that has the
         same vectors and tells them apart better; None: there is none.

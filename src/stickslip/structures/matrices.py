@@ -64,7 +64,6 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
 
     Parameters
     ----------
-    given : array or sparse array
     what : str
         How errors call it.
     said : callable
@@ -247,7 +246,6 @@ def lowest_modes(
     Parameters
     ----------
     stiffness, mass : matrix, shape (n, n)
-    count : int
     factor : Factored, optional
         Of the stiffness, if there is one already.
 

@@ -18,11 +18,6 @@ _ENTRY = re.compile(r"\s*(d_)?([A-Za-z]\w*)\s*\[\s*(\w+)\s*\]\s*\Z")
 def entry_of(text: str, structures: Mapping[str, AnyPart]) -> tuple[str, str, int]:
     """What a name like ``d_u[tip]`` means: ``"d_"`` or nothing, the structure, the index.
 
-    Parameters
-    ----------
-    text : str
-    structures : mapping of str to Structure, or what is left of it
-
     Raises
     ------
     KeyError

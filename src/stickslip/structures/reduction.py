@@ -22,7 +22,6 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> InShapes
 
     Parameters
     ----------
-    structure : Structure
     keep : list of int
         Unknowns that are coordinates.
     count : int
@@ -77,7 +76,6 @@ def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
 
     Parameters
     ----------
-    structure : Structure
     keep : list of int
         Unknowns at which the static error is said.
     count : int

@@ -448,7 +448,6 @@ def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
 
     Parameters
     ----------
-    structure : Structure
     squares : array, shape (n,)
     modes : array, shape (n, n)
         Of its coordinates.

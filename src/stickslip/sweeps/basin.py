@@ -72,7 +72,6 @@ class Attractor:
         One of its states.
     period, speed : float
         0 where there is none.
-    extrema : dict of str to (float, float)
     certified : bool
         Whether every motion that reached it is certified, and its cycle, if it has one.
     family : bool

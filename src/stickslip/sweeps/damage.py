@@ -71,7 +71,6 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : Path
     kind : str
         Of which the result has to be.
 
@@ -123,7 +122,6 @@ def faults(
 
     Parameters
     ----------
-    path : Path
     names : sequence of str
         Variables, of which the last, the outcomes, says which points are computed.
     array : mapping

@@ -576,9 +576,6 @@ def _response(
 
     Parameters
     ----------
-    system : System
-    fixed : dict of str to float
-    level : str
     found : list of _Lines
         Of the levels, in their order.
     ended : KeyboardInterrupt, TimeUp or None

@@ -45,8 +45,6 @@ class MapStore:
 
     Attributes
     ----------
-    plan : Plan
-    grid : Grid
     path : Path or None
         None: in memory.
     outcome : array of int8
@@ -105,10 +103,6 @@ class MapStore:
         """Take the points of missing chunks for not computed, and those of damaged ones if they
         are to be repaired.
 
-        Parameters
-        ----------
-        repair : bool
-
         Raises
         ------
         StickslipError
@@ -131,7 +125,6 @@ class MapStore:
 
         Parameters
         ----------
-        chunk : tuple of int
         wanted : array of bool, shape of the grid, optional
             Only these.
         """
@@ -172,7 +165,6 @@ class MapStore:
 
         Parameters
         ----------
-        name : str
         table, where : array, shape of the grid
             Values, and whether they are new.
         """
@@ -240,10 +232,6 @@ def read_map(path: Path) -> xarray.Dataset:
     """A stored map; values are read when they are needed.
 
     Points of which a file is missing have the outcome -1, not computed.
-
-    Parameters
-    ----------
-    path : Path
 
     Raises
     ------
@@ -486,12 +474,10 @@ def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
 
     Parameters
     ----------
-    carry : Carry
     found : array of int
         Places of the old values.
     count : int
         Of all values.
-    path : Path
     """
     first = 0 if carry.steps[0] > 0 else count - len(found)
     after = np.array_equal(found, first + np.arange(len(found)))

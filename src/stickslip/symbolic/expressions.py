@@ -390,7 +390,6 @@ def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
 
     Parameters
     ----------
-    e : Expr
     regions : mapping of Expr to int
         By guard. A guard of constants can be 0 for good, and then it matters whether it is strict:
         of those that are, −guard is listed, which is nonnegative where the select is `below`.
@@ -560,7 +559,6 @@ def rewrite(
 
     Parameters
     ----------
-    expression : Expr
     change : callable
         Says what a node becomes, or None if its parts are to be looked at.
     again : bool

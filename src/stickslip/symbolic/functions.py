@@ -64,7 +64,6 @@ class Function:
         `value` is called number by number.
     latex : str
         By default the upright name.
-    parity : {"odd", "even", ""}
     domain : (float, float)
         Where it is defined.
     limits : (float, float) or None

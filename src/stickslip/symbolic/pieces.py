@@ -50,7 +50,6 @@ class Pieced:
         The same in LaTeX.
     repeats : bool
         Whether it has one argument and goes on piece after piece.
-    jumps : bool
     """
 
     made: Callable[..., Expr]

@@ -153,13 +153,7 @@ def heading(model: EvolutionModel) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Averaged:
-    """An average, as a command shows it.
-
-    Attributes
-    ----------
-    model : EvolutionModel
-    average : Average
-    """
+    """An average, as a command shows it."""
 
     model: EvolutionModel
     average: Average

@@ -31,8 +31,6 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
 
     Parameters
     ----------
-    model : str
-    settings : iterable of str
     until : float, optional
         End of its time span, which samples have to cover then. By default a span that is declared
         stands, and any other is that of the samples.
@@ -67,8 +65,6 @@ def differences(result: Result, system: System, model: str) -> list[str]:
 
     Parameters
     ----------
-    result : Result
-    system : System
     model : str
         What the other is called.
 

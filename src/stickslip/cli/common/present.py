@@ -141,8 +141,6 @@ def present(
     ----------
     label : str
         What is done, beside the bar on a terminal.
-    folder : Path
-    files : Files
     work : callable
         Takes what shows progress, returns the result.
     json_ : bool

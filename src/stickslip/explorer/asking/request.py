@@ -58,7 +58,6 @@ class Request:
         A newer question of the same lane takes the place of an older one.
     what : str
         What is asked for.
-    setting : PageSetting
     options : mapping of str to anything
         What else belongs to the question; who answers it checks it.
     """

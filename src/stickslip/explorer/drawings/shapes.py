@@ -29,7 +29,6 @@ def structures_by_index(motion: Trajectory, times: Array) -> Scene:
 
     Parameters
     ----------
-    motion : Trajectory
     times : array, shape (n,)
     """
     system = motion.system
@@ -49,13 +48,8 @@ def _add_structure(
 
     Parameters
     ----------
-    scene : Scene
-    motion : Trajectory
-    times : array
     name : str
         Of the structure.
-    part : InModes
-    level : float
     """
     structure = part.structure
     rubbing = rubbing_unknowns(motion.system, name, part)

@@ -60,7 +60,6 @@ class Doors:
 
         Parameters
         ----------
-        request : HTTPServerRequest
         room : bool
             Whether one more page may be opened.
         """
@@ -183,7 +182,6 @@ def questions_in(content: Any, document: Document) -> list[dict[str, Any]]:
     ----------
     content : object
         Of a message, as it came.
-    document : Document
     """
     wire = document.get_model_by_name(WIRE)
     assert wire is not None
@@ -256,7 +254,6 @@ class Guarded(BokehTornado):
         ----------
         session : str
             Name of the session of the page.
-        connection : WSHandler
         """
         other = self._connected.get(session)
         if other is not None and other.ws_connection is not None:

@@ -38,7 +38,6 @@ class Listening:
 
     Attributes
     ----------
-    host : str
     port : int
         0: one that is free.
     names : tuple of str
@@ -104,12 +103,7 @@ class Listening:
 
 
 class Explorer:
-    """A running explorer; in a notebook it shows the page.
-
-    Attributes
-    ----------
-    address : str
-    """
+    """A running explorer; in a notebook it shows the page."""
 
     def __init__(self, place: Listening) -> None:
         self.address = place.address

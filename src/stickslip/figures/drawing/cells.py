@@ -62,10 +62,8 @@ def fill_cells(
 
     Parameters
     ----------
-    axes : Axes
     edges : pair of arrays, shapes (m + 1,) and (n + 1,)
     values : array, shape (m, n)
-    scale : ColourScale
     **more
         For matplotlib's ``pcolormesh``, whose result is returned.
     """
@@ -78,7 +76,6 @@ def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str
 
     Parameters
     ----------
-    axes : Axes
     edges : pair of arrays, shapes (m + 1,) and (n + 1,)
     where : array of bool, shape (m, n)
         Which cells.

@@ -43,7 +43,6 @@ def plot_quantities(
 
     Parameters
     ----------
-    data : xarray.Dataset
     names : sequence of str
         Variables over the dimension; what has a second one is drawn as several lines.
     along : str

@@ -60,7 +60,6 @@ def check_definite(
 
     Parameters
     ----------
-    matrix : mapping of (str, str) to Expr
     names : list of str
         Coordinates whose rows and columns count.
     values : mapping of str to float
@@ -150,8 +149,6 @@ def jumps_through(
 
     Parameters
     ----------
-    formula, guard : Expr
-    name : str
     start : mapping of str to float
         Values beside which these places are.
     held : collection of str

@@ -56,7 +56,6 @@ def chosen_columns(
 
     Parameters
     ----------
-    file : path
     choose : callable
         The names of all columns, and the line in which they stand -> those that are wanted.
 

@@ -87,11 +87,9 @@ class PiecewisePolynomial:
 
     Attributes
     ----------
-    name : str
     breaks : array, shape (m + 1,)
     coefficients : array, shape (m, d + 1)
         Of the powers of what is left of a place from the beginning of its piece.
-    period : float
     sides : tuple of str
         Which rows there are: values of "even" and "odd" pieces, and the "gate"; or those of the
         piece around a place, its "own", of what never comes to the end of one.

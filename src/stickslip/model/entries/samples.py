@@ -425,7 +425,6 @@ class WrongRow(DeclarationError):
 
     Attributes
     ----------
-    index : int
     column : int
         0 for times or other arguments, 1 for values.
     """

@@ -24,8 +24,6 @@ def states_in_flights(
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     index : array of int, shape (times,)
         The knots in whose steps the times are.
     clock : array, shape (times,)

@@ -120,10 +120,8 @@ def integrate(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Constants by group of lanes with the same parameters (a leading axis).
-    flight : Flight
     forms : ClosedForms
         Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
@@ -132,7 +130,6 @@ def integrate(
         where there is a wish to stop.
     lanes : Lane
         Of all lanes (a leading axis).
-    task : Task
 
     Returns
     -------
@@ -163,11 +160,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     lane : Lane
         Is moved on.
-    task : Task
     count : int
         Steps recorded so far.
     """
@@ -299,13 +293,10 @@ def give_up(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     status : int
         What was said of the last candidate.
     lane : Lane
         Is put back where its last step has left the domain of a formula.
-    task : Task
     count : int
         Steps recorded so far.
     """
@@ -365,9 +356,6 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    lane : Lane
     h : float
         Length of the step.
     which : int
@@ -440,7 +428,6 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
     ----------
     flow : Flow
         With the series of the next step.
-    lane : Lane
     """
     rows = flow.rows
     unit = flow.space.W[rows.sizes[DIMENSION], 1]
@@ -469,7 +456,6 @@ def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
         With the series of the step, up to its end.
     lane : Lane
         At its beginning.
-    kink : int
     h : float
         Length of the step.
     """

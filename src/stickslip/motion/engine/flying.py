@@ -59,16 +59,12 @@ def fly_on(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Constants by group (a leading axis).
     g : int
         Group of the lane.
     T : ClosedForms
         Receive those of modes that are new.
-    flight : Flight
-    lane : Lane
-    task : Task
     count : int
         Steps recorded so far.
 

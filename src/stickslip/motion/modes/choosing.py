@@ -278,7 +278,6 @@ def choose_next(
 
     Parameters
     ----------
-    rows : Rows
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned; all contacts are once no state is left.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -338,7 +337,6 @@ def choose(
 
     Parameters
     ----------
-    rows : Rows
     candidate : int
         The number.
     touched : array of int, shape (kinks + contacts,)

@@ -67,8 +67,6 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         Sizes of the state, against which steps are measured.
     energy : array, shape (knots,)
@@ -111,8 +109,6 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         As of :func:`audited`.
     """
@@ -172,8 +168,6 @@ def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, time
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         As of :func:`audited`.
     step : array of int, shape (times,)

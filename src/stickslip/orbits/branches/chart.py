@@ -60,7 +60,6 @@ class Extent:
 
     Attributes
     ----------
-    low, high : float
     modulus : array, shape (n,)
         Size of each component of the state.
     period : float
@@ -120,7 +119,6 @@ class Chart:
     ----------
     shooting : Shooting
         With a free parameter.
-    extent : Extent
     candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """

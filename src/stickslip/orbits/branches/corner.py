@@ -80,7 +80,6 @@ class BeyondCorner:
 
         Parameters
         ----------
-        corner : array
         on_edge : bool
             Whether a contact is carried along on the other side.
         """

@@ -308,8 +308,6 @@ class _Follower:
 
         Parameters
         ----------
-        stations : list of _Station
-        chart : Chart
         carried : float
             What is left there of the way by which they are.
         """

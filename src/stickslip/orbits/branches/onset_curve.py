@@ -159,8 +159,6 @@ class _Equations:
     ----------
     chart : Chart
         Of cycles, with the first parameter free.
-    onset : Onset
-    second : str
     width : float
         Unit of the second parameter.
     upper : array, shape (2,)

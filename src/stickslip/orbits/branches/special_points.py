@@ -365,10 +365,8 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
 
     Parameters
     ----------
-    chart : Chart
     x : array
         The unknowns there.
-    kind : str
     off : float
         What is left of what vanishes there, or the distance between motions that enclose it.
     """
@@ -394,7 +392,6 @@ def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happen
 
     Parameters
     ----------
-    crossing : Crossing
     slope : float
         Change of the parameter along the branch, both in units of the unknowns.
     multipliers : array
@@ -440,7 +437,6 @@ class Spacing:
 
     Parameters
     ----------
-    spans : mapping of str to (float, float)
     modulus : array, shape (n,)
         Size of each component of the state.
     """
@@ -484,7 +480,6 @@ def of_branch(
 
     Parameters
     ----------
-    cycles : list of Cycle
     spans : mapping of str to (float, float)
         The range of each parameter.
     steps : array

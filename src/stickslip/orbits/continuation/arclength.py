@@ -159,7 +159,6 @@ def correct_at(
         x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
     guess, scale : array, shape (n,)
         Where to start, and units of the unknowns.
-    component : int
     value : float
         What this component is.
     tolerance : float
@@ -191,10 +190,8 @@ def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float
 
     Parameters
     ----------
-    a, b : Point
     scale, tangent : array, shape (n,)
         Units of the unknowns, and the direction in these units.
-    along : float
 
     Returns
     -------
@@ -338,10 +335,8 @@ class _Tracer:
 
         Parameters
         ----------
-        x : array
         tangent : array
             In units of the unknowns.
-        orientation, length : float
         units : array
         """
         tangent = tangent * units

@@ -77,7 +77,6 @@ def phase_of_drive(
 
     Parameters
     ----------
-    system : System
     drive : (str, Expr)
         See :func:`read_drive`.
     values : mapping of str to float

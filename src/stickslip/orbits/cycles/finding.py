@@ -198,8 +198,6 @@ def _at_rest(
 
     Parameters
     ----------
-    problem : Problem
-    time : float
     rest : array, shape (n,)
     before : ConvergenceError, optional
         What was tried before.

@@ -31,7 +31,6 @@ class Phase:
 
     Attributes
     ----------
-    duration : float
     modes : dict of str to int
         By contact: 0 stick, +1 or −1 slip, 2 open, 3 closed without friction.
     region : tuple of int
@@ -56,7 +55,6 @@ class ContactShare:
 
     Attributes
     ----------
-    stick_time, slip_time : float
     dissipated : float
         Energy, without that of impacts.
     open_time : float

@@ -50,7 +50,6 @@ def possible_modes(
 
     Parameters
     ----------
-    equations : MotionEquations
     values, at : mapping of str to float
         Parameters, and a state.
     moved : array, shape (states, translations)

@@ -88,7 +88,6 @@ def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
 
     Parameters
     ----------
-    found : Equilibria
     point : mapping of str to float
         See :meth:`Equilibria.contains`.
 

@@ -38,7 +38,6 @@ class Conditions:
     ----------
     unknowns : tuple of str
         The state first, then forces that are not determined by it.
-    equal, nonnegative : tuple of Expr
     values : mapping of str to float
         Values of the parameters.
     states : tuple of str

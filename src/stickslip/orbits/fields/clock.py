@@ -55,7 +55,6 @@ class MovingFrame:
 
     Attributes
     ----------
-    equations : MotionEquations
     zero : frozenset of str
         Parameters that are zero.
     """

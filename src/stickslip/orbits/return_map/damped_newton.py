@@ -81,7 +81,6 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
 
     Parameters
     ----------
-    shooting : Shooting
     x : array
         Unknowns to start from.
     across : array, optional
@@ -284,8 +283,6 @@ class Closed:
 
     Attributes
     ----------
-    shooting : Shooting
-    orbit : Orbit
     slopes : dict
         What was asked of its derivatives (:mod:`.slopes`), by parameter.
     """

@@ -248,7 +248,6 @@ def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
 
     Parameters
     ----------
-    motion : Trajectory
     parts : array of int, shape (steps,), optional
         Equal parts of each step that have nodes of their own; by default one.
     """
@@ -268,7 +267,6 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
 
     Parameters
     ----------
-    motion : Trajectory
     piece : Piece
         That of the phase.
     a, b : int
@@ -337,8 +335,6 @@ def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> l
 
     Parameters
     ----------
-    motion : Trajectory
-    pieces : Pieces
     a, b : int
         First knots of a phase, and of the next one.
     p : array, shape (parameters,)
@@ -370,7 +366,6 @@ def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
         That of a mode in which it sticks.
     switch : int
         Number of the contact.
-    t : float
     y : array, shape (n,)
     p : array, shape (parameters,)
     """

@@ -40,7 +40,6 @@ class Moved:
 
     Attributes
     ----------
-    period : float
     shift, state : arrays, shape (states,)
         Of the shift in a period, and of the state at which the period starts.
     ends : array, shape (states, 2)
@@ -66,7 +65,6 @@ def cycle_sensitivity(
 
     Parameters
     ----------
-    cycle : Cycle
     names : sequence of str
         Parameters.
     multipliers : bool

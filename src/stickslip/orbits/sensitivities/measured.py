@@ -47,7 +47,6 @@ def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dic
 
     Parameters
     ----------
-    cycle : Cycle
     names : sequence of str
         Parameters.
     of : sequence of str
@@ -93,10 +92,8 @@ class _Changing:
 
     Parameters
     ----------
-    cycle : Cycle
     name : str
         The parameter.
-    slope : CycleSlope
     """
 
     def __init__(self, cycle: Cycle, name: str, slope: CycleSlope) -> None:

@@ -48,10 +48,8 @@ class Sensitivity:
 
     Attributes
     ----------
-    trajectory : Trajectory
     names : tuple of str
         Parameters, and components of the state for their initial values.
-    observed : tuple of str
     times : array, shape (times,)
     values : array, shape (quantities, times)
         The quantities themselves (right limits where they jump).
@@ -87,7 +85,6 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 
     Parameters
     ----------
-    found : Sensitivity
     compared : bool
         Whether differences of motions stand beside them.
     """
@@ -155,7 +152,6 @@ def sensitivities(
 
     Parameters
     ----------
-    trajectory : Trajectory
     names : sequence of str
         Parameters; and components of the state, for their initial values. Without any, only the
         quantities are told.
@@ -168,10 +164,6 @@ def sensitivities(
         long as the motion.
     start : array, shape (states, names), optional
         How the initial state changes with each name besides: where it is a function of parameters.
-
-    Returns
-    -------
-    Sensitivity
 
     Raises
     ------
@@ -268,7 +260,6 @@ def at_events(
 
     Parameters
     ----------
-    trajectory : Trajectory
     events : array of int, shape (events,)
         Their knots, at which the state does not jump.
     names : sequence of str
@@ -399,7 +390,6 @@ def _begins_at_boundary(
 
     Parameters
     ----------
-    pieces : Pieces
     piece : Piece
         The first one.
     at : float, array, array
@@ -487,8 +477,6 @@ def _gathered(
         Names, and quantities.
     where : arrays, shape (times,)
         Times, and their knots.
-    found : Variation
-    missing : list of (float, str)
     """
     names, observed = asked
     when, place = where
@@ -518,10 +506,6 @@ def _gathered(
 def second_opinion(found: Sensitivity) -> Array:
     """The same derivatives of the state at the end of the motion, by Richardson's extrapolation of
     differences of motions; not a number where such motions do not come to the end.
-
-    Parameters
-    ----------
-    found : Sensitivity
 
     Returns
     -------

@@ -140,9 +140,6 @@ def gradient(
 
     Parameters
     ----------
-    equations : MotionEquations
-    piece : Piece
-    observed : tuple of Observation
     at : arrays, shapes (points,) and (states, points)
         Times and states.
     p : array, shape (parameters,)

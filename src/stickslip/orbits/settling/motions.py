@@ -390,7 +390,6 @@ class Block:
 
         Parameters
         ----------
-        loops : Loops
         known : bool
             Whether their exponents are known; else they are measured, in stretches so short that it
             takes no longer than the motion itself.

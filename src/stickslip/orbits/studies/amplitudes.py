@@ -64,7 +64,6 @@ class AtAmplitude:
 
     Attributes
     ----------
-    cycle : Cycle
     amplitude, measured : float
         What was wanted, and what it has.
     """
@@ -81,8 +80,6 @@ class Amplitudes:
     ----------
     system : System
         A self-excited one.
-    values : mapping of str to float
-    mode : LinearMode
     coordinate : str
         Whose amplitude it is.
     """
@@ -324,7 +321,6 @@ class Amplitudes:
 
         Parameters
         ----------
-        first : (Shooting, Orbit)
         amplitudes : array
             In the order in which they are taken.
         found : callable

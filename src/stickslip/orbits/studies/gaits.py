@@ -41,7 +41,6 @@ class Threshold:
 
     Attributes
     ----------
-    parameter : str
     still, moving : float
         The values found nearest to each other, without and with motion.
     gait : Cycle or None

@@ -330,12 +330,9 @@ class _Declared:
 
     Attributes
     ----------
-    driver : str
-    pair : (str, str)
     contacts : dict of str to (Expr, Expr, Expr)
         By contact: force λ and thresholds s⁺, s⁻, in the driver and the first of the pair (the
         other is 0).
-    kinks : list of Expr
     """
 
     driver: str

@@ -55,7 +55,6 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
 
     Parameters
     ----------
-    system : System
     values : mapping of str to float
         Of all parameters. Where one that is zero switches a drive off, it is left out.
 
@@ -166,7 +165,6 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
     ----------
     system : System
         A self-excited one.
-    values : mapping of str to float
 
     Raises
     ------

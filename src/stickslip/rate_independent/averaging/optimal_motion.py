@@ -21,7 +21,6 @@ def measure_with_sum(
 
     Parameters
     ----------
-    source : Dissipation
     V : array, shape (n,)
     phases : array, shape (k,)
     motions : array, shape (k, n)

@@ -216,7 +216,6 @@ class FormulaSets(Dissipation):
         Parameters
         ----------
         xi : ndarray of shape (n,)
-        s : float
         start : ndarray of shape (n,), optional
             What was normal for a force and a phase close by.
         """
@@ -251,7 +250,6 @@ class FormulaSets(Dissipation):
         xi : ndarray of shape (n,)
         near : Nearby
             Of ξ.
-        s : float
         """
         length = float(np.linalg.norm(xi))
         if length <= 0.5 * self.inradius:

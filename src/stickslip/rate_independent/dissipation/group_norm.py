@@ -148,7 +148,6 @@ class AveragedGroupNorm(Average, GroupNorm):
 
     Attributes
     ----------
-    source : GroupNorm
     least : Minima
         Of the radii over the phase: when each group moves.
     """

@@ -295,7 +295,6 @@ class AveragedPolytope(Average, Polytope):
 
     Attributes
     ----------
-    source : Polytope
     least : Minima
         Of the offsets over the phase: when each face comes closest to 0.
     """

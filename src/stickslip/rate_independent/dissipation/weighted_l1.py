@@ -156,7 +156,6 @@ class AveragedWeightedL1(Average, WeightedL1):
 
     Attributes
     ----------
-    source : WeightedL1
     least_above, least_below : Minima
         Of ρ⁺ and ρ⁻ over the phase.
     """

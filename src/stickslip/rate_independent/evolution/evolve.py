@@ -274,7 +274,6 @@ class OutputPlan:
     ----------
     output : array, int or None
         Times, or a stride, or whatever memory allows.
-    observables : dict of str to callable
     """
 
     def __init__(self, output: Any, observables: dict[str, Observable]) -> None:

@@ -29,9 +29,6 @@ class CallableSignal(Signal):
 
     Parameters
     ----------
-    function : callable
-    where : str
-    clock : Clock
     shape : tuple of int, optional
         By default that of its value at 0.
     """

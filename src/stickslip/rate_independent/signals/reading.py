@@ -83,7 +83,6 @@ def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
 
     Parameters
     ----------
-    given : number, formula, array or nested lists of these, or callable
     where : str
         How errors call it.
     closes : bool

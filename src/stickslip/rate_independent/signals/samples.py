@@ -25,8 +25,6 @@ class LinearTable(Signal):
     ----------
     times : array, shape (m,)
     values : array, shape (m, ...)
-    where : str
-    clock : Clock
     shape : tuple of int
         Of one value.
 
@@ -158,9 +156,6 @@ class MeasuredSignal(Signal):
 
     Parameters
     ----------
-    samples : Samples
-    where : str
-    clock : Clock
     shape : tuple of int
         Of one value: axes of length 1, or none.
     """
@@ -257,8 +252,6 @@ class SignalColumns(Signal):
     ----------
     parts : list of Signal
         Of single values.
-    where : str
-    clock : Clock
     shape : tuple of int
     """
 

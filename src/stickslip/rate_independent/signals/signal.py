@@ -73,7 +73,6 @@ class Signal(ABC):
     ----------
     where : str
         How errors call it.
-    clock : Clock
     shape : tuple of int
     varies : bool
         Whether it is not the same at all times.

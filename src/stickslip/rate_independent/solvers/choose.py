@@ -35,7 +35,6 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
 
     Parameters
     ----------
-    problem : Evolution
     name : {None, "dense", "multigrid"}
         None: multigrid where K is a product of intervals or balls and A is sparse, with more than
         800 or 100 rows; otherwise dense.

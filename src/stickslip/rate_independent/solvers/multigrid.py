@@ -82,7 +82,6 @@ class StepResult:
         vanish).
     cycles : int
         Multigrid cycles on the finest level.
-    outcome : StepOutcome
     """
 
     delta: Array
@@ -146,7 +145,6 @@ class Multigrid:
             An increment to start from, if it is so near that nested iteration would not pay.
         tolerance : float
             Of the KKT residual, as a multiple of the largest weight.
-        max_cycles : int
 
         Raises
         ------
@@ -237,10 +235,6 @@ class Multigrid:
             Of the residual.
         limit : int
             Most cycles.
-
-        Returns
-        -------
-        residual, cycles, outcome
         """
         level = self.hierarchy.levels[depth]
         b = np.empty_like(d)

@@ -111,7 +111,6 @@ def read_axes(
 
     Parameters
     ----------
-    system : System
     over : mapping or sequence of str
         By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one
         column each); by any name that is free, records. A sequence holds texts ``NAME=VALUES``.
@@ -368,7 +367,6 @@ class Grid:
 
     Attributes
     ----------
-    axes : tuple of Axis
     chunk : tuple of int
         Points of a chunk along each axis.
     """
@@ -401,7 +399,6 @@ class Grid:
 
         Parameters
         ----------
-        region : tuple of slice
         inside : array of int
             Positions of the points in the region, in C order.
         """
@@ -425,7 +422,6 @@ def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
 
     Parameters
     ----------
-    axes : sequence of Axis
     lines : sequence of int, optional
         Axes along which points need each other, and so are divided last; of two of them the second
         is that of the directions.

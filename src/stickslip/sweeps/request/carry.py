@@ -69,8 +69,6 @@ def read_carry(
 
     Parameters
     ----------
-    system : System
-    axes : tuple of Axis
     carry : str or None
         Names of an axis, and where to: ``"omega"`` takes its values as they are given, ``"omega
         up"`` and ``"omega down"`` by size, ``"omega both"`` up and then down again.

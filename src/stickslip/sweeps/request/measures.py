@@ -305,11 +305,7 @@ def measured_again(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (points, parameters)
-    observed : Observed
-    measures : sequence of str
-    settings : Settings
     time_limit : float, optional
         Seconds of processor time that each may take.
     """

@@ -58,9 +58,6 @@ class Plan:
 
     Attributes
     ----------
-    system : System
-    axes : tuple of Axis
-    measures : tuple of measures
     initial : dict of str to float
         Initial values that hold at all points.
     settings : Settings

@@ -220,7 +220,6 @@ class Under(NamedTuple):
     ----------
     drives : tuple of (str, Samples)
         By the keys of the system.
-    span : (float, float)
     """
 
     drives: tuple[tuple[str, Samples], ...]
@@ -239,7 +238,6 @@ class Driven:
     ----------
     base : System
         With a factor of the records, if that varies.
-    records : Records
     keys : dict of str to str
         Under which drive of the base each part of a record stands.
     span : (float, float), optional
@@ -313,7 +311,6 @@ def read_records(
 
     Parameters
     ----------
-    system : System
     over : mapping or sequence
         The axes.
     span : (float, float), optional

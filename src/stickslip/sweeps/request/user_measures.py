@@ -57,8 +57,6 @@ class FormulaMeasure:
 
     Attributes
     ----------
-    name, text : str
-    expression : Expr
     needs : tuple of str
         Named measures that it is made of.
     """
@@ -91,10 +89,8 @@ class FunctionMeasure:
 
     Attributes
     ----------
-    name : str
     function : callable or None
         None: the function stands in a file, and is read from there by every process that needs it.
-    path : str
     digest : str
         Of its source, so that a store notices another function of the same name.
     """
@@ -132,7 +128,6 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
 
     Parameters
     ----------
-    system : System
     asked : sequence of str or callable
         Names of measures, possibly of one coordinate, output, formula or contact
         (``"amplitude:psi"``, ``"high:u[tip] - u[root]"``); formulas ``"name = formula"`` of
@@ -168,12 +163,7 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
 
 def offered_measures(system: System) -> dict[str, dict[str, str]]:
     """What can be measured of a system by a name alone, with unit and meaning: the named measures,
-    and those that other packages add.
-
-    Parameters
-    ----------
-    system : System
-    """
+    and those that other packages add."""
     found: dict[str, dict[str, str]] = {}
     for name in MEASURES:
         with suppress(DeclarationError):

@@ -49,12 +49,10 @@ def measure_chunk(
 
     Parameters
     ----------
-    system : System
     initial, parameters : mapping of str to array, shape (points,)
         What varies; numbers hold for all points. What a point gives does not depend on the others.
     measures : sequence of str
         See :mod:`stickslip.sweeps.request.measures`.
-    settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``.
     section : bool
@@ -126,9 +124,7 @@ def _over_the_span(
 
     Parameters
     ----------
-    problem : Problem
     table, states : arrays, shapes (points, parameters) and (points, n)
-    settings : Settings
     time_limit : float, optional
         Seconds of processor time that each may take.
     """

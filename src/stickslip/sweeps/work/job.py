@@ -40,8 +40,6 @@ class Work:
         Model file of the system.
     asked : tuple
         What the measures are made of again.
-    initial : tuple of (str, float)
-    settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     section, carries : bool
@@ -103,7 +101,6 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
 
     Parameters
     ----------
-    work : Work
     columns : mapping of str to array, shape (points,)
         Parameters and initial values that vary.
     runs : Runs, optional
@@ -223,10 +220,7 @@ def _by_function(
 
     Parameters
     ----------
-    measure : FunctionMeasure
-    system : System
     initial, parameters : mapping of str to array, shape (points,)
-    work : Work
     start : float
         When the motions begin; they last as long as the span of the system.
     """

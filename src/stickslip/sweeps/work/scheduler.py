@@ -286,7 +286,6 @@ def distribute(
     tasks : iterable
         Looked at one by one, as workers become free. None says that all others wait for what is
         under way: they are asked for again when some of that is done.
-    pool : Pool
     stop : Stop
         Once it is wished for, no task is begun any more, and what is not ready in a moment is given
         up.

@@ -44,7 +44,6 @@ class Aloft(NamedTuple):
     ----------
     forms : ClosedForms
         Of the motion.
-    flight : Flight
     checked : array of int, shape (2,)
         How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
     state : array of int, shape (slots,)
@@ -139,9 +138,6 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
 
     Parameters
     ----------
-    forms : ClosedForms
-    flight : Flight
-    rows : Rows
     trusted : bool
         Whether powers are quadratic; otherwise there are no candidates.
     """
@@ -264,9 +260,6 @@ def put_state(a: Aloft, form: ClosedForms, s: Stretch, tau: float, omega: Array,
     ----------
     a : Aloft
         Receives the exponentials.
-    form : ClosedForms
-    s : Stretch
-    tau : float
     omega : array, shape (waves,)
     y : array, shape (n,)
     """

@@ -138,7 +138,6 @@ def audit_motion(
 
     Parameters
     ----------
-    aloft : Aloft
     seen, starts, ends, accounts
         As of :func:`.audit_steps`.
     """
@@ -175,12 +174,8 @@ def audit_flight(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
     starts, ends, accounts
         As of :func:`.audit_steps`.
-    i : int
     """
     rows, space = flow.rows, flow.space
     steps, tally = accounts.steps, accounts.tally
@@ -246,8 +241,6 @@ def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
 
     Parameters
     ----------
-    rows : Rows
-    a : Aloft
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         Length of the step.
@@ -271,10 +264,6 @@ def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: flo
 
     Parameters
     ----------
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    start : Instant
     h : float
         Its length.
     """
@@ -325,13 +314,6 @@ def is_flown(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
-    start : Instant
-    ends : Record
     i : int
         The step.
     tally : Tally
@@ -388,13 +370,8 @@ def follow_part(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     a : Aloft
         Receives the rows at q.
-    form : ClosedForms
-    s : Stretch
-    part : int
     at : Instant
         The beginning of the flight.
     i : int
@@ -469,12 +446,6 @@ def signal_of(
 
     Parameters
     ----------
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
-    row : int
-    sign : float
-    other : int
     turn : float
         Sign of the other.
     """
@@ -513,15 +484,10 @@ def obeys(
 
     Parameters
     ----------
-    rows : Rows
     mag : array
         Sizes of terms.
     a : Aloft
         With the rows at q.
-    form : ClosedForms
-    s : Stretch
-    at : Instant
-    tally : Tally
     """
     law = tally.law
     n, nc = len(a.y), len(rows.u)
@@ -571,14 +537,10 @@ def add_contacts(
 
     Parameters
     ----------
-    rows : Rows
     mag : array
         Sizes of terms.
     a : Aloft
         With the rows and the state at q.
-    form : ClosedForms
-    s : Stretch
-    sums : Sums
     """
     n, nc = len(a.y), len(rows.u)
     first = len(form.c2) - n
