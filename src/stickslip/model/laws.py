@@ -364,9 +364,9 @@ iwan: FrictionLaw = FrictionLaw(
     "Iwan's sliders with distributed strength",
     "Iwan 1966; Segalman 2005 for the power law",
     "Jenkins elements of equal stiffness k/elements that begin to slide at displacements between 0 "
-    "and phi = F_c/k (2 + chi)/(1 + chi), whose density is proportional to their power chi. For many "
-    "elements the first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)); the total force is at "
-    "most F_c.",
+    "and phi = F_c/k (2 + chi)/(1 + chi), whose density is proportional to their power chi. For "
+    "many elements the first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)); the total force is "
+    "at most F_c.",
     parameters={"F_c": _F_C, "k": _K},
     options={
         "chi": Parameter(0.0, "", "exponent of the distribution; 0 is uniform", "(-1, inf)"),
