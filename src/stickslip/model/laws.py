@@ -209,7 +209,7 @@ coulomb: FrictionLaw = FrictionLaw(
     "coulomb",
     "Coulomb's friction",
     "Coulomb 1785",
-    "In slip the force F_c opposes the motion, at any speed; in stick it is at most F_c.",
+    "The force is F_c against the motion, whatever the speed, and anything up to F_c at rest.",
     parameters={"F_c": _F_C},
     options={"b": _B},
     threshold="F_c",
@@ -220,7 +220,7 @@ static_kinetic: FrictionLaw = FrictionLaw(
     "static_kinetic",
     "Static above kinetic friction",
     "Coulomb 1785; Popov 2010, chapter 12",
-    "In stick the force is at most F_s; in slip it is F_c.",
+    "At rest the contact holds F_s; once it slides, the force is F_c.",
     parameters={"F_s": _F_S, "F_c": _F_C},
     options={"b": _B},
     threshold="F_s",
@@ -264,8 +264,7 @@ dahl: FrictionLaw = FrictionLaw(
     "dahl",
     "Dahl's solid friction",
     "Dahl 1968, exponent 1",
-    "The force depends on the displacement x only: dF/dx = k (1 − sgn(u) F/F_c). At rest it is "
-    "constant.",
+    "The force follows the way x alone: dF/dx = k (1 − sgn(u) F/F_c). At rest it stays what it is.",
     parameters={"F_c": _F_C, "k": _K},
     internal={"z": Internal("u - abs(u)*k*z/F_c", meaning="deflection")},
     force="k*z",
@@ -316,8 +315,8 @@ elasto_plastic: FrictionLaw = FrictionLaw(
     "elasto_plastic",
     "Elasto-plastic bristles without drift",
     "Dupont, Hayward, Armstrong and Altpeter 2002",
-    "Like the Dahl and LuGre laws, but the bristles are purely elastic below a fraction of F_c, "
-    "so that a body does not creep under small loads; at F_c they slide.",
+    "As Dahl's and the LuGre law, but the bristles are purely elastic below a share of F_c, "
+    "so that small loads do not make a body creep; at F_c they slide.",
     parameters={
         "F_c": _F_C,
         "sigma_0": Parameter(4.0, "N/m", "stiffness of the bristles", "(0, inf)"),
@@ -341,8 +340,8 @@ jenkins: FrictionLaw = FrictionLaw(
     "jenkins",
     "Jenkins element: a slider behind a spring",
     "Jenkins 1962",
-    "Elastic with stiffness k up to the force F_c, which is then constant. As k increases it tends "
-    "to Coulomb friction.",
+    "Elastic with stiffness k up to the force F_c, which it then keeps. As k grows it becomes "
+    "Coulomb's friction.",
     parameters={"F_c": _F_C, "k": _K},
     stiffness="k",
     threshold="F_c",
@@ -352,7 +351,7 @@ maxwell_slip: FrictionLaw = FrictionLaw(
     "maxwell_slip",
     "Maxwell slip: some sliders in parallel",
     "Iwan 1966; Lampaert, Swevers and Al-Bender 2002",
-    "Jenkins elements in parallel: lists of their stiffnesses k and their forces F_c.",
+    "Jenkins elements side by side: lists of their stiffnesses k and their forces F_c.",
     parameters={"F_c": _F_C, "k": _K},
     stiffness="k",
     threshold="F_c",
@@ -363,10 +362,9 @@ iwan: FrictionLaw = FrictionLaw(
     "iwan",
     "Iwan's sliders with distributed strength",
     "Iwan 1966; Segalman 2005 for the power law",
-    "Jenkins elements of equal stiffness k/elements that begin to slide at displacements between 0 "
-    "and phi = F_c/k (2 + chi)/(1 + chi), whose density is proportional to their power chi. For "
-    "many elements the first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)); the total force is "
-    "at most F_c.",
+    "Jenkins elements of equal stiffness k/elements that slide from displacements between 0 and "
+    "phi = F_c/k (2 + chi)/(1 + chi) on, with a density like its power chi. For many elements a "
+    "first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)), all together hold F_c.",
     parameters={"F_c": _F_C, "k": _K},
     options={
         "chi": Parameter(0.0, "", "exponent of the distribution; 0 is uniform", "(-1, inf)"),
@@ -381,10 +379,10 @@ table: FrictionLaw = FrictionLaw(
     "table",
     "Points of the sliding force over the speed",
     "a measurement",
-    "The force is interpolated between the points (v, F) by a table of the given kind (linear, "
-    "pchip, cubic). Below the lowest speed it is constant; above the highest it is undefined "
-    "unless outside gives an extrapolation. Points at negative speeds, with negative forces, are "
-    "for sliding backward. In stick it holds N F_s; a list gives F_s forward and backward.",
+    "Between the points (v, F) the force is that of a table, whose kind may be given (linear, "
+    "pchip, cubic); slower than the slowest it is the force there, faster than the fastest it is "
+    "not known, unless outside says what it is. Points at negative speeds are those of sliding "
+    "back, with negative forces. At rest it holds N F_s; a list gives F_s forward and backward.",
     parameters={
         "F_s": _F_S,
         "v": Parameter(1.0, "m/s", "speeds of the points, a list"),
@@ -416,9 +414,9 @@ rate_and_state: FrictionLaw = FrictionLaw(
     "rate_and_state",
     "Rate-and-state friction, ageing law",
     "Dieterich 1979; Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
-    "After a step of the rate, friction increases with its logarithm at once, and decreases over "
-    "the slip D_c as the age theta of the contact adapts; in steady sliding by (b − a) ln(u/v_0). "
-    "The initial state is steady sliding at v_0. The coordinate may be massless.",
+    "Friction grows with the logarithm of the rate at once, and falls over the slip D_c as the "
+    "state theta forgets the time of contact: in steady sliding by (b − a) ln(u/v_0). It starts "
+    "in the state of steady sliding at v_0. A coordinate without mass may have it.",
     parameters=_RATE_AND_STATE,
     options=_REFERENCE,
     internal={"theta": Internal("1 - abs(u)*theta/D_c", "s", "state")},
@@ -431,9 +429,8 @@ rate_and_state_slip: FrictionLaw = FrictionLaw(
     "rate_and_state_slip",
     "Rate-and-state friction, slip law",
     "Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
-    "Like the ageing law, but the state changes only with slip: theta' = −Ω ln Ω, Ω = uθ/D_c. "
-    "The slope is infinite where the rate passes through zero: a motion ends there with a named "
-    "outcome.",
+    "As the ageing law, but the state changes with slip alone: theta' = −Ω ln Ω, Ω = uθ/D_c. "
+    "Where the rate passes through zero this has no finite slope: a motion ends there by name.",
     parameters=_RATE_AND_STATE,
     options=_REFERENCE,
     functions={"Omega": "abs(u)*theta/D_c"},
@@ -448,7 +445,7 @@ rate_and_state_cutoff: FrictionLaw = FrictionLaw(
     "Rate-and-state friction that stops falling at high rates",
     "Okubo 1989; Weeks 1993",
     "The ageing law with a cut-off: ln(v_0θ/D_c) becomes ln(v_0/v_c + v_0θ/D_c), so that in steady "
-    "sliding above v_c friction increases with the rate.",
+    "sliding faster than v_c friction grows again.",
     parameters={
         **_RATE_AND_STATE,
         "v_c": Parameter(1e-5, "m/s", "rate of the cut-off", "(0, inf)"),
