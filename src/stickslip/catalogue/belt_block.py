@@ -4,7 +4,8 @@ from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Pa
 
 
 def belt_block(**given: float | str) -> System:
-    """Block on a spring, carried along by a belt until the spring overcomes the static friction.
+    """Block on a spring, carried along by a belt until the spring force exceeds the static
+    friction.
 
     Parameters
     ----------

@@ -5,9 +5,10 @@ from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, 
 
 
 def belt_stribeck(**given: float | str) -> System:
-    """Block on a spring and a damper, carried along by a belt on which friction falls with speed.
+    """Block on a spring and a damper on a belt, with friction that decreases with the speed.
 
-    Below the speed V_c steady sliding feeds on the falling friction and turns into stick-slip.
+    Below the belt speed V_c the decreasing friction destabilises steady sliding, and stick-slip
+    results.
 
     Parameters
     ----------

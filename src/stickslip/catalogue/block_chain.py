@@ -11,7 +11,7 @@ _MOST = 20_000
 
 
 def block_chain(N: float = 3, **given: float | str) -> System:
-    """N blocks in a row on a moving belt, each held by a spring and joined to its neighbours by
+    """N blocks in a row on a moving belt, each held by a spring and connected to its neighbours by
     springs.
 
     Parameters

@@ -4,9 +4,9 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def bowed_string(**given: float | str) -> System:
-    """One mode of a string under a bow whose friction falls with the speed of sliding.
+    """One mode of a string under a bow whose friction decreases with the sliding speed.
 
-    Pressed less than F_min, the bow slides evenly and the string is silent.
+    If the bow is pressed with less than F_min, it slides steadily and the string is silent.
 
     Parameters
     ----------

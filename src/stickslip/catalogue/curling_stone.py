@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def curling_stone(**given: float | str) -> System:
-    """Curling stone that stands on a ring and turns slowly while it slides, on ice whose friction
-    falls with the speed.
+    """Curling stone on a ring, turning slowly while it slides, on ice whose friction decreases with
+    the speed.
 
-    It goes straight: under a pressure that is the same all round, the side forces at its front and
-    at its back cancel. A real stone curls by a metre, since friction differs between the two; why,
+    It moves in a straight line: under uniform pressure the lateral forces at its front and at its
+    back cancel. A real stone curls by a metre, because the friction at the two differs; the cause
     is still debated.
 
     Parameters

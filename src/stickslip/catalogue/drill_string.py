@@ -5,10 +5,10 @@ from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def drill_string(**given: float | str) -> System:
-    """Torsion of a drill string between a rotary table and a bit on Stribeck's curve.
+    """Torsion of a drill string between a rotary table and a bit with a Stribeck friction law.
 
-    Angles are those in excess of even rotation, Ωt. The motor holds the table like a damper c_t
-    and a spring k_t, the proportional and the integral part of its control.
+    Angles are relative to uniform rotation, Ωt. The motor holds the table like a damper c_t and a
+    spring k_t, the proportional and the integral part of its control.
 
     Parameters
     ----------

@@ -5,11 +5,11 @@ from stickslip.symbolic.formulas import TimeFunction
 
 
 def isolated_floor(**given: float | str | TimeFunction) -> System:
-    """Floor on spherical sliding bearings, under an earthquake of two components: friction holds
-    against the velocity, and each direction takes part of what it can hold.
+    """Floor on spherical sliding bearings, under an earthquake with two components: the friction
+    force opposes the velocity and is limited in magnitude, so that the two directions interact.
 
-    The accelerations are synthetic ones, sines under an envelope; ``a_x=ss.Samples(...)`` and
-    ``a_y=ss.Samples(...)`` take measured ones.
+    The default accelerations are synthetic, sines under an envelope; pass measured ones as
+    ``a_x=ss.Samples(...)`` and ``a_y=ss.Samples(...)``.
 
     Parameters
     ----------

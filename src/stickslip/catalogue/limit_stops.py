@@ -6,11 +6,11 @@ from stickslip.model.system import Contact, DefaultSpan, Inertial, Parameter, Sy
 
 
 def limit_stops(**given: float | str) -> System:
-    """A small valve: a spool on a spring, pushed by a pressure that oscillates, with dry friction
-    and a stop at either end.
+    """A small valve: a spool on a spring, pushed by an oscillating pressure, with dry friction and
+    a stop at either end.
 
-    Event handling that has to be told every transition gets this wrong: the spool rebounds a few
-    times, comes to rest at a stop, and leaves it as the force turns.
+    The spool rebounds a few times, comes to rest at a stop, and leaves it when the force reverses.
+    Event handling in which every transition is programmed separately gets this wrong.
 
     Parameters
     ----------

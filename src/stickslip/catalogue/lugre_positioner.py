@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, Inertial, Internal, Parameter, Sys
 
 
 def lugre_positioner(**given: float | str) -> System:
-    """Mass with LuGre friction under a PID controller: it never comes to rest at its goal.
+    """Mass with LuGre friction under a PID controller: it never comes to rest at its setpoint.
 
     While it sticks, the integral grows until the mass breaks away; it overshoots and sticks on the
     other side (hunting).

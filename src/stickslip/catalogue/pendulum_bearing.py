@@ -6,7 +6,7 @@ from stickslip.symbolic.formulas import TimeFunction
 
 def pendulum_bearing(**given: float | str | TimeFunction) -> System:
     """Mass in a spherical dish that is shaken in two directions. Friction acts along the dish, and
-    changes the normal force that presses it; for small displacements it is `isolated_floor`.
+    changes the normal force that causes it; for small displacements it is `isolated_floor`.
 
     Parameters
     ----------

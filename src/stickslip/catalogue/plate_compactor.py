@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Pa
 
 
 def plate_compactor(**given: float | str) -> System:
-    """A plate pulled over the ground while a rotating imbalance shakes its weight, N = mg + F cos
-    Ωt.
+    """A plate pulled over the ground while a rotating imbalance modulates its normal force, N = mg
+    + F cos Ωt.
 
-    It moves in short steps at the moments when it is light, far below the friction μmg of its
-    weight.
+    It moves in short steps at the moments when the normal force is small, far below the friction
+    μmg of its weight.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, 
 
 
 def rate_and_state_slider(**given: float | str) -> System:
-    """A fault of unit area that is loaded by a spring: earthquakes, in one degree of freedom.
+    """A fault of unit area that is loaded by a spring: earthquakes with one degree of freedom.
 
     The stress on the fault is sigma·friction(v, theta) + eta·v. It increases with the slip rate v
-    at any state theta, so that v follows from the stress: nothing ever sticks, but between
-    earthquakes the fault creeps at rates that are smaller by fifteen orders of magnitude.
+    at any state theta, so that v follows from the stress. The fault never sticks, but between
+    earthquakes it creeps at rates that are smaller by fifteen orders of magnitude.
 
     Parameters
     ----------

@@ -5,10 +5,10 @@ from stickslip.symbolic.formulas import TimeFunction
 
 
 def sliding_base(**given: float | str | TimeFunction) -> System:
-    """Block on a base that is shaken; it slides where friction is too weak to carry it along.
+    """Block on a shaken base; it slides where friction cannot accelerate it like the base.
 
-    The acceleration is a synthetic one, three sines under an envelope; ``a=ss.Samples(...)`` takes
-    a measured one, and the motion then lasts as long as that.
+    The default acceleration is synthetic, three sines under an envelope; pass a measured one as
+    ``a=ss.Samples(...)``, and the motion then covers the record.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, 
 
 
 def stick_slip_actuator(**given: float | str) -> System:
-    """Slider on a rod that a piezo moves slowly forth and fast back: it sticks, then slips.
+    """Slider on a rod that a piezo moves slowly forward and fast back: it sticks, then slips.
 
     Parameters
     ----------

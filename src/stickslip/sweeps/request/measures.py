@@ -1,31 +1,31 @@
-"""The named measures of what a motion has settled on.
+"""The named measures of long-term motions.
 
-``period``, ``energy_per_cycle`` (dissipated by the contacts) and ``switches`` are those of a cycle;
-``amplitude`` (half the range, of the first component of the state or of ``amplitude:x``), ``speed``
-(along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
-contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
-mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; in a plane the mean is of one
-component, ``mean_force:table 1``) and ``lyapunov`` are also those
-of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
-are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
-(its value where what is measured begins), ``mean``, ``time`` (when that is) and ``duration`` (how
-long it is).
+Measures of a cycle: ``period``, ``energy_per_cycle`` (dissipated by the contacts), ``switches``.
+
+Measures of a cycle, of rest, of steady sliding, and of the last part of a motion that has not
+converged: ``amplitude`` (half the range, of the first component of the state or of
+``amplitude:x``), ``speed`` (along the translation, or of ``speed:x``), ``stick_fraction`` (fraction
+of the time in which all contacts stick, or ``stick_fraction:contact``), ``peak_force`` and
+``mean_force`` (largest |λ| and mean λ; over all contacts the largest |λ|, or
+``peak_force:contact``; in a plane the mean is of one component, ``mean_force:table 1``),
+``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean``, ``shift`` (its
+change), ``state`` (its value at the beginning of the measured part), ``time`` (of that beginning)
+and ``duration`` (of that part).
 
 In place of a component there may be an output, an unknown of a structure, a force or any other
-formula of what results show: ``high:tip``, ``amplitude:u[tip] - u[root]``,
+formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,
 ``mean:friction_ground``.
 
-Where a drive is known for a time only, as a record of an earthquake is, nothing settles: what is
-measured is the motion over the declared span, and what belongs to a cycle is refused.
+If a drive is given for a limited time, such as an earthquake record, there is no long-term motion:
+the motion over the declared span is measured, and measures of cycles are refused.
 
-Some are seen only in the motion of the period itself, which is followed once more for them: all
-that are measured of formulas, and
-``harmonic`` and ``phase`` (amplitude and phase of the first harmonic, with the frequency of the
-drives, or of the cycle if there are none, as of amplitude·cos(ωt + phase); of a component or of a
-force, ``harmonic:friction_ground``), ``relative_phase`` (relative to the drive, negative if it lags
-behind), ``energy_per_distance`` (all that is dissipated over the distance along the translation, or
-``energy_per_distance:x``) and ``cost_of_transport`` (the same over a weight, which is named by a
-formula of the parameters, ``cost_of_transport:m*g``).
+Some measures compute the period once more: those of formulas, ``harmonic`` and ``phase`` (amplitude
+and phase of the first harmonic, amplitude·cos(ωt + phase), at the frequency of the drives, or of
+the cycle if there are none; of a component or of a force, ``harmonic:friction_ground``),
+``relative_phase`` (relative to the drive, negative for a lag), ``energy_per_distance`` (all
+dissipation over the distance along the translation, or ``energy_per_distance:x``) and
+``cost_of_transport`` (the same divided by a weight, which is a formula of the parameters,
+``cost_of_transport:m*g``).
 """
 
 from __future__ import annotations
