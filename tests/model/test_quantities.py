@@ -13,6 +13,7 @@ import stickslip as ss
 from stickslip.model.entries.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
 from stickslip.model.quantities import (
     contact_key,
+    described,
     energy_unit,
     force_unit,
     per_time,
@@ -293,3 +294,22 @@ def test_without_units_all_is_dimensionless() -> None:
     assert per_time(SimpleNamespace(time_unit="s"), "kg*m^2/s") == "kg*m^2/s^2"  # type: ignore[arg-type]
     with pytest.raises(KeyError, match="nothing"):
         quantity(block(), "nothing")
+
+
+def test_a_stick_fraction_says_of_which_contact_it_is() -> None:
+    """In every table and picture, also where there is one contact only, or one in a plane."""
+    toy, puck = ss.catalogue.rocking_toy(), ss.catalogue.puck()
+    assert described(toy, "stick_fraction")["long_name"] == "stick fraction of all contacts"
+    for name in toy.contacts:
+        said = described(toy, f"stick_fraction:{name}")["long_name"]
+        assert said == f"stick fraction of {name}"
+    (only,) = puck.contacts
+    for measure in ("stick_fraction", f"stick_fraction:{only}"):
+        assert described(puck, measure)["long_name"] == f"stick fraction of {only}"
+    cycle = ss.find_cycle(toy)
+    points = ss.continue_cycle(cycle, "P", (0.99, 1.01)).points
+    assert "all contacts" in points["stick_time"].attrs["long_name"]
+    for name in toy.contacts:
+        said = points[f"stick_time_{contact_key(name)}"].attrs["long_name"]
+        assert said == f"time in which {name} sticks"
+    assert "of all contacts" in cycle.describe() and "of all contacts" in str(cycle.rows())

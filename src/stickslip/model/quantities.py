@@ -309,7 +309,15 @@ def described(system: System, text: str) -> dict[str, str]:
     """Unit and meaning of a named measure, such as ``amplitude:psi``."""
     name, _, of = text.partition(":")
     meaning, unit = MEANINGS.get(name, (name.replace("_", " "), _none))
+    if name == "stick_fraction":
+        return described_as(f"{meaning} of {_who_sticks(system, of)}", unit(system, of))
     return described_as(f"{meaning} ({of})" if of else meaning, unit(system, of))
+
+
+def _who_sticks(system: System, of: str) -> str:
+    """The contact whose stick fraction it is: the one that is named, or the only one."""
+    known = list(system.rubbing)
+    return of or (known[0] if len(known) == 1 else "all contacts")
 
 
 def _none(system: System, of: str) -> str:
@@ -367,7 +375,7 @@ MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "period": ("period", _time),
     "amplitude": ("amplitude", _component),
     "speed": ("mean speed", _speed),
-    "stick_fraction": ("share of the time in stick", _none),
+    "stick_fraction": ("stick fraction", _none),
     "energy_per_cycle": ("energy dissipated in a cycle", _work),
     "energy_per_distance": ("energy dissipated per distance", _per_distance),
     "cost_of_transport": ("energy per distance and weight", _none),
