@@ -40,6 +40,7 @@ _SAMPLES = {
     "values": "the values themselves",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
     "periodic": "`true` if they repeat",
+    "unit": "unit of the values",
 }
 _TABLES = {
     "file": "text file with columns; relative to the model file",
@@ -49,6 +50,7 @@ _TABLES = {
     "values": "the values themselves: numbers, or formulas of parameters",
     "kind": '`"linear"`, `"pchip"` or `"cubic"`: what is between the points',
     "outside": '`"refused"`, `"constant"` or `"linear"`, or a pair of these for below and above',
+    "unit": "unit of the values",
 }
 _STRUCTURES = {
     "mass": "file of the matrix, relative to the model file: `.mtx`, `.npz`, `.npy` or `.mat`; "
