@@ -47,8 +47,8 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
         raise DeclarationError(
             f"coordinates.{z}.drag",
             f"the rate of {z} solves an equation, and has no formula",
-            "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
-            f"vector fields give {z} mass",
+            "Motions, ensembles and maps can be computed; for equilibria, cycles, branches, vector "
+            f"fields, derivatives and fits give {z} mass",
         )
     return made_once(
         equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)
