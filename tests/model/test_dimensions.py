@@ -254,9 +254,7 @@ def test_samples_have_a_unit(unit: str, said: list[str]) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_rates_of_samples_and_integrals_of_tables_have_units() -> None:
     inertia = {"force": "-m*d_w"}
-    assert shaken("m/s", "k*x**2/2", **inertia).doubts == [
-        "outputs.y: w is in m/s, but x is in m"
-    ]
+    assert shaken("m/s", "k*x**2/2", **inertia).doubts == ["outputs.y: w is in m/s, but x is in m"]
     (said,) = shaken("m", "k*x**2/2", **inertia).doubts
     assert said.startswith("coordinates.x.force: -d_w*m is in m*kg/s,")
     assert shaken(potential="integral_F(x) + k*x**2/2", table="N").doubts == []
