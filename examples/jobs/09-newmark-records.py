@@ -15,7 +15,7 @@ def record(seed):
     t = np.arange(0.0, 10.0, 0.02)
     noise = np.convolve(rng.standard_normal(len(t)), np.hanning(rng.integers(8, 32)), "same")
     a = noise * (t / 3.0) ** 2 * np.exp(2.0 - 2.0 * t / 3.0)
-    return ss.Samples(t, a / np.abs(a).max(), unit="m/s^2")
+    return ss.Samples(t, a / np.abs(a).max())
 
 
 def slips(records=100, scales=11):

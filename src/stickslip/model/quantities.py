@@ -286,8 +286,8 @@ def _unit_of(system: System, formula: Expr) -> UnitPowers:
 
 
 def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
-    """The unit of a formula: a sum has that of its first term in which nothing is of an unknown
-    unit, a function none.
+    """The unit of a formula: a sum has that of a term in which nothing is of an unknown unit, a
+    function none.
 
     Parameters
     ----------
@@ -300,8 +300,10 @@ def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
             return factors(unit(str(formula.value)))
         case "sum":
             known = [term for term, _ in formula.terms if _is_known(term)]
-            unknown = not known or formula.value
-            return {} if unknown else _unit_from(min(known, key=ex.to_text), unit)
+            if not known or formula.value:
+                return {}
+            # A number in front of a time may be a speed.
+            return _unit_from(min(known, key=lambda e: ("t" in e.symbols, ex.to_text(e))), unit)
         case "prod":
             return unit_product(*((_unit_from(base, unit), power) for base, power in formula.terms))
         case "select":
