@@ -299,11 +299,14 @@ def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
         case "sym":
             return factors(unit(str(formula.value)))
         case "sum":
-            known = [term for term, _ in formula.terms if _is_known(term)]
+            known = [(term, c) for term, c in formula.terms if _is_known(term)]
             if not known or formula.value:
                 return {}
-            # A number in front of a time may be a speed.
-            return _unit_from(min(known, key=lambda e: ("t" in e.symbols, ex.to_text(e))), unit)
+            # A number in front of a term may hide a unit, in front of a time a speed.
+            shown, _ = min(
+                known, key=lambda e: ("t" in e[0].symbols, abs(e[1]) != 1.0, ex.to_text(e[0]))
+            )
+            return _unit_from(shown, unit)
         case "prod":
             return unit_product(*((_unit_from(base, unit), power) for base, power in formula.terms))
         case "select":
