@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.model.entries.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
+from stickslip.model.entries.units import (
+    UNIT_NAMES,
+    agree,
+    factors,
+    in_si,
+    lowest_terms,
+    unit_text,
+    with_unit,
+)
 from stickslip.model.quantities import (
     contact_key,
     described,
@@ -313,3 +321,14 @@ def test_a_stick_fraction_says_of_which_contact_it_is() -> None:
         said = points[f"stick_time_{contact_key(name)}"].attrs["long_name"]
         assert said == f"time in which {name} sticks"
     assert "of all contacts" in cycle.describe() and "of all contacts" in str(cycle.rows())
+
+
+def test_numbers_below_a_million_have_no_power_of_ten() -> None:
+    said = {
+        4e4: "40000 N",
+        123456.7: "123500 N",
+        4e6: "4e+06 N",
+        2e-5: "2e-05 N",
+        -7e5: "-700000 N",
+    }
+    assert {value: with_unit(value, "N", 4) for value in said} == said

@@ -127,7 +127,7 @@ def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str
         axes.add_patch(patch)
 
 
-def hatched_patch(hatch: str, label: str, colour: str = "none") -> Patch:
+def hatched_patch(hatch: str, label: str, colour: str | tuple[str, float] = "none") -> Patch:
     """What stands in a legend for hatched cells."""
     patch = Patch(fc=colour, ec=STICK_LINE, lw=0.6, hatch=4 * hatch, label=label)
     _set_width(patch, _THIN)
