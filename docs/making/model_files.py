@@ -40,6 +40,7 @@ _SAMPLES = {
     "values": "the values, instead of a file",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: interpolation between the samples',
     "periodic": "`true` if the samples repeat",
+    "unit": "unit of the values",
 }
 _TABLES = {
     "file": "text file with columns; relative to the model file",
@@ -49,6 +50,7 @@ _TABLES = {
     "values": "the values: numbers, or formulas of parameters",
     "kind": '`"linear"`, `"pchip"` or `"cubic"`: interpolation between the points',
     "outside": '`"refused"`, `"constant"` or `"linear"`, or a pair of these (low, high)',
+    "unit": "unit of the values",
 }
 _STRUCTURES = {
     "mass": "file of the matrix, relative to the model file: `.mtx`, `.npz`, `.npy` or `.mat`; "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -150,3 +151,34 @@ def test_a_file_with_gaps_and_blanks(tmp_path: Path) -> None:
     assert len(problem.data) == 40
     with pytest.raises(ss.DeclarationError, match="no row has both a time and a value"):
         ss.fit_problem(SYSTEM, path, FREE, {"d_x": "d_x"})
+
+
+def test_friction_of_a_rate_without_mass_has_no_derivatives() -> None:
+    """It is said before a search begins; with a little mass the same record is fitted."""
+    law = ss.laws.rate_and_state("d_x", a="a", b=0.014, D_c=10.0, N=1.0, mu_0=0.6, v_0=1.0)
+    light = ss.System(
+        "light",
+        parameters={"a": ss.Parameter(0.01)},
+        coordinates={"x": ss.Viscous()},
+        potential="0.005*(60 + 10*t - x)**2",
+        contacts={"gouge": law},
+        outputs={"mu": "0.01*(60 + 10*t - x)"},
+        initial={"theta_gouge": 10.0},
+        span=(0.0, 20.0),
+    )
+    t = np.linspace(0.0, 20.0, 60)
+    record = {"t": t, "mu": ss.simulate(light).at(t)["mu"]}
+    for function in (ss.fit, ss.fit_problem):
+        with pytest.raises(
+            ss.DeclarationError, match="have no derivatives, which a fit needs"
+        ) as e:
+            function(light, record, {"a": (0.005, 0.02)}, {"mu": "mu"})
+        assert "velocity_step" in str(e.value) and "Let x be inertial" in str(e.value)
+    heavy = replace(
+        light,
+        coordinates={"x": ss.Inertial()},
+        kinetic="1e-4*d_x**2/2",
+        initial={"theta_gouge": 10.0, "d_x": 1.0},
+    )
+    fit = ss.fit(heavy, record, {"a": (0.005, 0.02)}, {"mu": "mu"}, starts=2)
+    assert fit.estimate["a"] == pytest.approx(0.01, rel=0.01)

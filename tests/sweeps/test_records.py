@@ -202,7 +202,7 @@ def test_shares_are_counted(shaken: ss.Map) -> None:
     for place in map(tuple, at):
         assert found["low"].values[place] == pytest.approx(0.1176, abs=1e-4)
         assert found["high"].values[place] == pytest.approx(0.7693, abs=1e-4)
-    assert found.certificate.ok and found.limit == "slip > 0.05"
+    assert found.certificate.ok and found.limit == "slip > 0.05 m"
     assert set(found.table) == {"scale", "mu", "share", "low", "high", "records"}
 
 

@@ -46,8 +46,8 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
         raise DeclarationError(
             f"coordinates.{z}.drag",
             f"the rate of {z} is defined implicitly and has no closed form",
-            "Motions, ensembles and maps can be computed. For equilibria, cycles, branches and "
-            f"vector fields add mass to {z}",
+            "Motions, ensembles and maps can be computed. For equilibria, cycles, branches, vector "
+            f"fields, derivatives and fits add mass to {z}",
         )
     return made_once(
         equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)

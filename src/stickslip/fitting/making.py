@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.certificates import Residual, worst
+from stickslip.errors import DeclarationError
 from stickslip.fitting.fit import Fit
 from stickslip.fitting.problem import RTOL, Loss, fit_problem, suffix_of, table_columns
 from stickslip.fitting.search import Search, minimise
@@ -219,9 +220,11 @@ def _dataset(found: Search, s: Statistics) -> xarray.Dataset:
 
 
 def _about(system: System, name: str) -> dict[str, str]:
-    from stickslip.model.quantities import quantity
+    """Unit and meaning of what is observed: a quantity, or a formula of some; times of events have
+    none."""
+    from stickslip.model.quantities import quantity_or_formula
 
     try:
-        return quantity(system, name)
-    except KeyError:
+        return quantity_or_formula(system, name)
+    except DeclarationError:
         return {"long_name": name}

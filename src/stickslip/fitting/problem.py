@@ -342,6 +342,18 @@ class FitProblem:
         return replace(self, unknowns=others, measured=tuple(measured), _kept=[])
 
 
+def _check_derivatives(system: System) -> None:
+    """Refuse what has no derivatives whatever its motions are."""
+    for z in system.plain.declaration.resisted:
+        raise DeclarationError(
+            "system",
+            f"the rate of {z} solves an equation, since a drag or a law of friction of {z} depends "
+            "on it, so that motions have no derivatives, which a fit needs",
+            f"Let {z} be inertial, with a mass so small that it does not matter, or write the "
+            "stress as an internal variable, as in ss.catalogue.velocity_step",
+        )
+
+
 @validated
 def fit_problem(
     system: System,
@@ -393,8 +405,9 @@ def fit_problem(
     Raises
     ------
     DeclarationError
-        If a column, a quantity, a name or a bound is wrong, data are constant, or there are fewer
-        data than unknowns.
+        If a column, a quantity, a name or a bound is wrong, data are constant, there are fewer
+        data than unknowns, or motions have no derivatives, since the friction of a coordinate
+        without mass depends on its rate.
 
     Examples
     --------
@@ -411,6 +424,7 @@ def fit_problem(
         raise DeclarationError("loss", f"unknown loss '{loss}'", suggestion(loss, LOSSES, '"'))
     given = dict(parameters or {})
     system.plain.declaration.check_parameters({**system.values, **given})
+    _check_derivatives(system)
     shared = {
         "parameters": {},
         "initial": initial or {},

@@ -25,6 +25,7 @@ from stickslip.model.entries.units import (
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 FORCES = {
     "friction": "friction force of",
@@ -269,23 +270,53 @@ def _terms(formula: Expr) -> list[Expr]:
 
 
 def _unit_of(system: System, formula: Expr) -> UnitPowers:
-    """The unit of a formula by those of the names in it; a sum has that of its first term, a
-    function none."""
+    """The unit of a formula by those of the names in it."""
+
+    def unit(name: str) -> str:
+        return "" if name == "speed" else _in_formulas(system, name).get("units", "")
+
+    return _unit_from(formula, unit)
+
+
+def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
+    """The unit of a formula: a sum has that of a term in which nothing is of an unknown unit, a
+    function none.
+
+    Parameters
+    ----------
+    formula : Expr
+    unit : callable
+        The unit of a name.
+    """
     match formula.op:
         case "sym":
-            name = str(formula.value)
-            if name == "speed":
-                return {}
-            return factors(_in_formulas(system, name).get("units", ""))
+            return factors(unit(str(formula.value)))
         case "sum":
-            return {} if formula.value else _unit_of(system, formula.terms[0][0])
+            known = [(term, c) for term, c in formula.terms if _is_known(term)]
+            if not known or formula.value:
+                return {}
+            # A number in front of a term may hide a unit, in front of a time a speed.
+            shown, _ = min(
+                known, key=lambda e: ("t" in e[0].symbols, abs(e[1]) != 1.0, ex.to_text(e[0]))
+            )
+            return _unit_from(shown, unit)
         case "prod":
-            return unit_product(*((_unit_of(system, base), power) for base, power in formula.terms))
+            return unit_product(*((_unit_from(base, unit), power) for base, power in formula.terms))
         case "select":
             shown = next((part for part in formula.args[1:] if part.op != "num"), formula.args[1])
-            return _unit_of(system, shown)
+            return _unit_from(shown, unit)
+        case op if op in FUNCTIONS and FUNCTIONS[op].tabulated:
+            own, power = FUNCTIONS[op].unit
+            over = _unit_from(formula.args[0], unit) if own and power else {}
+            return unit_product((factors(own), 1), (over, power))
         case _:
             return {}
+
+
+def _is_known(formula: Expr) -> bool:
+    """Whether no samples and no table stand in it whose unit is not declared."""
+    tables = (FUNCTIONS[e.op] for e in ex.walk([formula]) if e.op in FUNCTIONS)
+    return all(row.unit[0] or row.sampled for row in tables if row.tabulated)
 
 
 def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
@@ -302,7 +333,15 @@ def described(system: System, text: str) -> dict[str, str]:
     """Unit and meaning of a named measure, such as ``amplitude:psi``."""
     name, _, of = text.partition(":")
     meaning, unit = MEANINGS.get(name, (name.replace("_", " "), _none))
+    if name == "stick_fraction":
+        return described_as(f"{meaning} of {_who_sticks(system, of)}", unit(system, of))
     return described_as(f"{meaning} ({of})" if of else meaning, unit(system, of))
+
+
+def _who_sticks(system: System, of: str) -> str:
+    """The contact whose stick fraction it is: the one that is named, or the only one."""
+    known = list(system.rubbing)
+    return of or (known[0] if len(known) == 1 else "all contacts")
 
 
 def _none(system: System, of: str) -> str:
@@ -356,11 +395,22 @@ def formula_unit(system: System, formula: Expr) -> str:
     return unit_text(_unit_of(system.plain, formula))
 
 
+def unit_of_measures(system: System, formula: Expr) -> str:
+    """The unit of a formula of named measures, parameters and parts of the state."""
+    own = {*system.parameters, *system.declaration.state}
+
+    def unit(name: str) -> str:
+        found = quantity(system, name) if name in own else described(system, name)
+        return found.get("units", "")
+
+    return unit_text(_unit_from(formula, unit))
+
+
 MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "period": ("period", _time),
     "amplitude": ("amplitude", _component),
     "speed": ("mean speed", _speed),
-    "stick_fraction": ("fraction of time in stick", _none),
+    "stick_fraction": ("stick fraction", _none),
     "energy_per_cycle": ("energy dissipated per cycle", _work),
     "energy_per_distance": ("energy dissipated per distance", _per_distance),
     "cost_of_transport": ("energy per distance and weight", _none),

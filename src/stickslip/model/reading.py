@@ -20,7 +20,7 @@ from stickslip.model.entries.checks import (
     terms_by_guard,
 )
 from stickslip.model.entries.declared import CROSSINGS, Kind
-from stickslip.model.entries.keys import normal_force
+from stickslip.model.entries.keys import NORMAL, normal_force
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, measured_drives
 from stickslip.model.schema import check_shape, entry_key
@@ -350,7 +350,7 @@ class DeclarationReader:
         taken: dict[tuple[Expr, int], str] = {}
         for name, jump in self.system.jumps.items():
             where = entry_key("jumps", name)
-            guard = self.motion.parse(jump.when, f"{where}.when")
+            guard = self._of_state(jump.when, f"{where}.when")
             check_slopes(guard, felt, f"{where}.when")
             if not guard.symbols & felt:
                 raise DeclarationError(
@@ -392,7 +392,67 @@ class DeclarationReader:
                 "not a part of the state",
                 suggestion(name, result.state),
             )
-        return self.motion.parse(value, entry_key(where, name))
+        return self._of_state(value, entry_key(where, name))
+
+    def _of_state(self, text: object, where: str) -> Expr:
+        """A formula of the state in which what results show may stand, too, if the state alone says
+        what it is."""
+        try:
+            return self.shown.parse(text, where)
+        except DeclarationError as error:
+            used = error.where.removeprefix("outputs.")
+            if used == error.where or used not in self.system.outputs:
+                raise
+            raise DeclarationError(
+                where, f"it uses the output '{used}', in which {error.reason}", error.remedy
+            ) from None
+
+    @cached_property
+    def shown(self) -> Scope:
+        """Formulas of the state, and of gaps, relative velocities, thresholds and the energy where
+        they are functions of it. Forces follow from what sticks, which one event may change."""
+        from stickslip.model.quantities import contact_key
+
+        result = self.result
+        found = {"energy": ex.add((result.potential, 1.0), (result.moving_energy, 1.0))}
+        forces = {f"dd_{q}" for q in result.inertial}
+        for c in result.contacts:
+            key = contact_key(c.side_of or c.name)
+            if c.opens:
+                forces.add(key if not c.side_of else f"{NORMAL}{key}")
+                if not c.side_of and c.gap is not None:
+                    found[f"gap_{key.removeprefix(NORMAL)}"] = c.gap
+                continue
+            forces.add(f"friction_{key}")
+            rates = [(weight * ex.sym(f"d_{x}"), 1.0) for x, weight in c.direction.items()]
+            found[f"slip_speed_{key}"] = ex.add(*rates, (c.speed, -1.0))
+            if not c.plane:
+                found |= {f"threshold_plus_{key}": c.plus, f"threshold_minus_{key}": c.minus}
+        known = self.motion.names.keys()
+        names = {name: e for name, e in found.items() if e.symbols <= known}
+        of_state = (
+            "It follows from the forces, and so from which contacts stick, not from the state "
+            "alone. Write the force of a spring that carries it, like k*(x - y), or let a contact "
+            "hold it up to its threshold"
+        )
+        summed = "It is summed up along the motion: declare an internal variable with its power"
+        modes = (
+            "A mode passes through no zero: give a formula that does, such as a relative velocity"
+        )
+        forbidden = {
+            **self.motion.forbidden,
+            **{f"mode_{contact_key(c.name)}": modes for c in result.contacts},
+            **dict.fromkeys(forces | (found.keys() - names.keys()), of_state),
+            **dict.fromkeys(("dissipated_energy", "supplied_energy"), summed),
+        }
+        # What is declared has its name first.
+        own = {*self.motion.names, *self.definitions}
+        return Scope(
+            {**{name: e for name, e in names.items() if name not in own}, **self.motion.names},
+            self.definitions,
+            forbidden,
+            vectors=self.motion.vectors,
+        )
 
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():

@@ -48,8 +48,20 @@ if TYPE_CHECKING:
     from stickslip.orbits.settling.motions import Settings
 
 _STOPPED = -1  # labels of motions that are on no attractor
-ON_ITS_WAY = -2
+ON_ITS_WAY = -2  # neither irregular nor slow, as far as it was followed
 UNDAMPED = -3
+PARTING = -4
+SLOWLY = -5
+_NOT_COMPUTED = -6
+ON_NONE = {
+    _NOT_COMPUTED: "not computed",
+    SLOWLY: Outcome.SLOW.label,
+    PARTING: Outcome.IRREGULAR.label,
+    UNDAMPED: Outcome.UNDAMPED.label,
+    ON_ITS_WAY: Outcome.NOT_SETTLED.label,
+    _STOPPED: "stopped",
+}
+"""What is said of motions that are on no attractor, by label."""
 _ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
 _SAME = 1e-6  # relative difference of periods, and of ranges, that is none
 _LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
@@ -163,8 +175,8 @@ def basin(
     -------
     Basin
         Its dataset has one dimension for each name in `over`: ``attractor``, a code with
-        flag_meanings; negative where a motion stopped (−1), did not settle (−2) or is undamped
-        (−3); and ``lacking``, the failed criterion of the certificate of each motion. Dimension
+        flag_meanings; negative where a motion stopped (−1), spent its budget (−2), is undamped
+        (−3), irregular (−4), slow (−5), or was not computed (−6); and ``lacking``, the failed criterion of the certificate of each motion. Dimension
         ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one
         state, ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle,
         and whether it is one of a ``family``.
@@ -212,7 +224,7 @@ def basin(
         pool = Pool("threads", workers)
         interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
     done = store.outcome.ravel() >= 0
-    label = np.full(done.size, ON_ITS_WAY)
+    label = np.full(done.size, _NOT_COMPUTED)
     lacks = np.full(done.size, LACKING.index("result"))
     reached = []
     if np.any(done):
@@ -300,7 +312,7 @@ class _Census:
     Attributes
     ----------
     label : array of int, shape (motions,)
-        Number of the attractor, the most often reached first, or STOPPED, ON_ITS_WAY or UNDAMPED.
+        Number of the attractor, the most often reached first, or one of :data:`ON_NONE`.
     reached : list of (Attractor, int)
         With the number of motions.
     """
@@ -316,7 +328,12 @@ class _Census:
         self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = (
             ON_ITS_WAY
         )
-        self.label[found.outcome == Outcome.UNDAMPED.code] = UNDAMPED
+        for kind, own in (
+            (Outcome.UNDAMPED, UNDAMPED),
+            (Outcome.IRREGULAR, PARTING),
+            (Outcome.SLOW, SLOWLY),
+        ):
+            self.label[found.outcome == kind.code] = own
         for number, (_, members) in enumerate(groups):
             self.label[members] = number
         self.reached = [(attractor, len(members)) for attractor, members in groups]
@@ -485,11 +502,11 @@ def _dataset(
 
     reached = [attractor for attractor, _ in found]
     names = [_title(a, reached) for a in reached]
-    codes = [UNDAMPED, ON_ITS_WAY, _STOPPED, *range(len(reached))]
+    nowhere = [said.replace(" ", "_") for said in ON_NONE.values()]
     flags = {
         "long_name": "attractor reached",
-        "flag_values": np.array(codes, np.int8),
-        "flag_meanings": " ".join(["undamped", "not_settled", "stopped", *names]),
+        "flag_values": np.array([*ON_NONE, *range(len(reached))], np.int8),
+        "flag_meanings": " ".join([*nowhere, *names]),
     }
     lacked = {
         "long_name": "what the certificate lacks",

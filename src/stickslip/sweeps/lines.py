@@ -699,7 +699,11 @@ def _attributes(system: System, wanted: _Level) -> dict[str, dict[str, Any]]:
         "amplitude": {**x, "long_name": f"amplitude of {x['long_name']}"},
         "harmonic": {**x, "long_name": f"first harmonic of {x['long_name']}"},
         "phase": described_as(f"phase relative to {wanted.text}", "rad"),
-        "stick": described_as("fraction of time in stick", "1"),
+        "stick": described(system, "stick_fraction"),
+        **{
+            f"stick_{contact_key(c)}": described(system, f"stick_fraction:{c}")
+            for c in system.contacts
+        },
         "period": described_as("period", time),
         "dissipated": described(system, "energy_per_cycle"),
         "slips": described_as("whether a contact slips", "1"),

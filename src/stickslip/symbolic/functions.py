@@ -120,6 +120,12 @@ class Function:
         return self.poles is not None
 
     @property
+    def unit(self) -> tuple[str, int]:
+        """Unit of the values, if they are tabulated, and the power of the unit of the argument
+        besides; of any other function nothing is known."""
+        return "", 0
+
+    @property
     def tabulated(self) -> bool:
         """Whether its values were measured, and may be in any unit, of what is in any unit."""
         return False

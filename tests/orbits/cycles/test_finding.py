@@ -367,3 +367,26 @@ def test_the_first_look_at_a_driven_system(omega: float, monkeypatch: pytest.Mon
     looked.clear()
     find_cycle(System("s", **parts, span=(0.0, 7 * period)))
     assert looked[0] == pytest.approx(7 * period)
+
+
+@pytest.mark.parametrize("part", [1e-4, 1e-7, 1e-9, 1e-10])
+def test_a_damper_that_hardly_slips(part: float) -> None:
+    """Just beyond the onset the slider moves by a part of 1e-9 of the mass, which is no symmetry:
+    a cycle is found that slips for a time that goes with the root of what is beyond."""
+    onset = 0.5 * abs(2.0 - 1.2**2 + 0.12j)
+    system = System(
+        "hardly",
+        parameters={"P": onset * (1.0 + part)},
+        coordinates={"x": Inertial(force="P*cos(1.2*t)"), "z": RateIndependent()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 + (x - z)**2/2",
+        viscous="0.05*d_x**2",
+        contacts={"damper": Contact("d_z", 0.5)},
+        span=(0.0, 100.0),
+    )
+    cycle = find_cycle(system)
+    assert cycle.certificate.ok and cycle.stable
+    assert cycle.period == pytest.approx(2.0 * np.pi / 1.2, rel=1e-12)
+    # z follows x near its extremes, a cosine, from where it is 2·part of its amplitude below
+    slipping = 2.0 * np.sqrt(4.0 * part) / 1.2
+    assert cycle.contacts["damper"].slip_time == pytest.approx(slipping, rel=0.5)

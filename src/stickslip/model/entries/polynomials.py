@@ -105,6 +105,8 @@ class PiecewisePolynomial:
         Of knots: whether they are those of a function with kinks.
     bounded : (float, float) or None
         Of knots: outside of which the function is undefined, if it is somewhere.
+    unit : str
+        Unit of the values; empty if it is not known.
     """
 
     name: str
@@ -117,6 +119,7 @@ class PiecewisePolynomial:
     surface: Surface | None = None
     kinked: bool = False
     bounded: Interval | None = None
+    unit: str = ""
 
     @property
     def both_ways(self) -> bool:
@@ -485,6 +488,13 @@ class TableRow(Function):
     def sampled(self) -> bool:
         """Whether it is a gate."""
         return self.side == "gate"
+
+    @property
+    def unit(self) -> tuple[str, int]:
+        """Unit of the values of the table, empty if it is not known, and the power of the unit of
+        the argument that this row has besides."""
+        pieces = self.pieces
+        return pieces.unit, int(pieces.called.startswith(INTEGRAL)) - self.order
 
     @property
     def called(self) -> str:

@@ -32,6 +32,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
+from stickslip.model.entries.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction
@@ -67,12 +68,16 @@ class Samples(TimeFunction):
         Name of the input in error messages.
     source : mapping, optional
         The ``file`` and the names of its columns ``time`` and ``value``.
+    unit : str
+        Unit of the values, such as ``"m/s^2"``; empty if it is not declared, so that nothing is
+        compared with it.
 
     Raises
     ------
     DeclarationError
         If the times are not increasing numbers, a value is not finite, there are fewer than two
-        samples, or the last value of a periodic function differs from the first.
+        samples, the last value of a periodic function differs from the first, or the unit cannot
+        be parsed.
 
     Examples
     --------
@@ -92,6 +97,7 @@ class Samples(TimeFunction):
         *,
         where: str = "samples",
         source: Mapping[str, str] | None = None,
+        unit: str = "",
     ) -> None:
         if kind not in SAMPLE_KINDS:
             raise DeclarationError(
@@ -113,6 +119,7 @@ class Samples(TimeFunction):
         self.kind: SampleKind = kind
         self.periodic: bool = bool(periodic)
         self.source: dict[str, str] = dict(source or {})
+        self.unit: str = check_unit(unit, f"{where}, unit")
 
     @classmethod
     @validated
@@ -125,6 +132,7 @@ class Samples(TimeFunction):
         periodic: bool = False,
         *,
         name: str = "",
+        unit: str = "",
     ) -> Samples:
         """Samples of two columns of a text file.
 
@@ -137,7 +145,7 @@ class Samples(TimeFunction):
         time, value : str
             Names of the columns. By default the times are in the column called ``time`` or ``t``,
             the values in that called by the `name`, or ``value``, or else in the only other one.
-        kind, periodic
+        kind, periodic, unit
             As of :class:`Samples`.
         name : str
             What the values are, such as the name of a drive.
@@ -150,14 +158,15 @@ class Samples(TimeFunction):
         """
         if is_strong_motion(file):
             t, y = strong_motion_of(file)
-            return cls(t, y, kind, periodic, where=str(file), source={"file": str(file)})
+            source = {"file": str(file)}
+            return cls(t, y, kind, periodic, where=str(file), source=source, unit=unit)
         t, y, rows, (time, value) = columns_of(file, time, value, name)
         try:
             checked(t, y, str(file))
         except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
         source = {"file": str(file), "time": time, "value": value}
-        return cls(t, y, kind, periodic, where=str(file), source=source)
+        return cls(t, y, kind, periodic, where=str(file), source=source, unit=unit)
 
     # -- what they are -----------------------------------------------------------------------------
 
@@ -167,7 +176,9 @@ class Samples(TimeFunction):
     def __str__(self) -> str:
         first, last = self.span
         repeats = ", periodic" if self.periodic else ""
-        return f"{len(self.times):,} samples from {first:.6g} to {last:.6g}, {self.kind}{repeats}"
+        unit = f", in {self.unit}" if self.unit else ""
+        count = f"{len(self.times):,} samples"
+        return f"{count} from {first:.6g} to {last:.6g}, {self.kind}{repeats}{unit}"
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Their values over time, with what is between them.
@@ -198,12 +209,13 @@ class Samples(TimeFunction):
         return hash(self.digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.times, self.values, self.kind, self.periodic, self.source)
+        again = self.times, self.values, self.kind, self.periodic, self.source, self.unit
+        return _again, again
 
     @cached_property
     def digest(self) -> str:
         """A name for their content."""
-        content = hashlib.sha256(f"{self.kind} {self.periodic}".encode())
+        content = hashlib.sha256(f"{self.kind} {self.periodic} {self.unit}".rstrip().encode())
         for part in (self.times, self.values):
             content.update(np.ascontiguousarray(part).data)
         return content.hexdigest()[:16]
@@ -243,6 +255,7 @@ class Samples(TimeFunction):
         compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         found |= {"periodic": True} if self.periodic else {}
+        found |= {"unit": self.unit} if self.unit else {}
         if len(self.times) <= _LISTED:
             return {"times": self.times.tolist(), "values": self.values.tolist(), **found}
         if len(self.times) <= _STORED:
@@ -261,7 +274,7 @@ class Samples(TimeFunction):
         table : mapping
             With ``file`` (relative to the folder), ``time`` and ``value``; or ``times`` and
             ``values``; or ``packed``. With ``kind`` and ``periodic`` if they are not linear or
-            repeat.
+            repeat, and the ``unit`` of the values.
         where : str
             The key, for messages.
         folder : path
@@ -280,7 +293,7 @@ class Samples(TimeFunction):
                 "the source of the samples is missing",
                 'Write it like {file = "base.csv", time = "t", value = "a"}',
             )
-        known = {*way, "kind", "periodic", "digest"}
+        known = {*way, "kind", "periodic", "unit", "digest"}
         for key in table:
             if key not in known:
                 raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
@@ -288,15 +301,18 @@ class Samples(TimeFunction):
         periodic = table.get("periodic", False)
         if not isinstance(periodic, bool):
             raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
+        unit = unit_entry(table, where)
         if way[0] == "file":
             file, time, value = (table.get(key, "") for key in way)
             if not all(isinstance(part, str) for part in (file, time, value)):
                 raise DeclarationError(where, "a name is not a string", 'Write it like time = "t"')
-            found = cls.read(folder / file, time, value, kind, periodic, name=name)
+            found = cls.read(folder / file, time, value, kind, periodic, name=name, unit=unit)
         elif way[0] == "times":
-            found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
+            t, y = table["times"], table.get("values", ())
+            found = cls(t, y, kind, periodic, where=where, unit=unit)
         elif way[0] == "packed":
-            found = cls(*_unpacked(table["packed"], where), kind, periodic, where=where)
+            t, y = _unpacked(table["packed"], where)
+            found = cls(t, y, kind, periodic, where=where, unit=unit)
         else:
             raise DeclarationError(
                 where,
@@ -335,6 +351,7 @@ def noise(
     *,
     seed: int,
     kind: SampleKind = "linear",
+    unit: str = "",
 ) -> Samples:
     """Create noise for a drive: independent normal samples at equidistant times, interpolated in
     between.
@@ -356,6 +373,8 @@ def noise(
         Seed of NumPy's generator: equal seeds give equal noise on every machine.
     kind : {"linear", "cubic", "hold"}
         Interpolation between the samples.
+    unit : str
+        Unit of the values.
 
     Returns
     -------
@@ -390,12 +409,14 @@ def noise(
         raise DeclarationError("period", reason, "Increase it, or shorten the span")
     times = start + period * np.arange(int(max(steps, 1.0)) + 1)
     values = deviation * np.random.default_rng(seed).standard_normal(len(times))
-    return Samples(times, values, kind, where="noise")
+    return Samples(times, values, kind, where="noise", unit=unit)
 
 
-def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str]) -> Samples:
+def _again(
+    t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str], unit: str = ""
+) -> Samples:
     """Samples that another process reads."""
-    return Samples(t, y, kind, periodic, source=source)
+    return Samples(t, y, kind, periodic, source=source, unit=unit)
 
 
 def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
@@ -422,11 +443,19 @@ def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
         t = np.insert(t, k + 1, t[k] + half)
         c = np.insert(c, k + 1, moved, axis=0)
     return PiecewisePolynomial(
-        name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period
+        name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period, unit=samples.unit
     )
 
 
 # -- reading ---------------------------------------------------------------------------------------
+
+
+def unit_entry(table: Mapping[str, Any], where: str) -> str:
+    """The unit of the values, as a model file has it."""
+    unit = table.get("unit", "")
+    if not isinstance(unit, str):
+        raise DeclarationError(f"{where}.unit", "not a text", 'Write it like unit = "m/s^2"')
+    return check_unit(unit, f"{where}.unit")
 
 
 class WrongRow(DeclarationError):

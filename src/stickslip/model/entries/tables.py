@@ -52,7 +52,8 @@ from stickslip.model.entries.polynomials import (
     PiecewisePolynomial,
     Surface,
 )
-from stickslip.model.entries.samples import WrongRow, checked
+from stickslip.model.entries.samples import WrongRow, checked, unit_entry
+from stickslip.model.entries.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TableFunction
@@ -97,11 +98,15 @@ class Table:
         Name of the input in error messages.
     source : mapping, optional
         The ``file``, and the names of its columns ``of`` and ``value``.
+    unit : str
+        Unit of the values; empty if it is not declared, so that nothing is compared with it. Slopes
+        and integrals have it over, and times, the unit of the argument.
 
     Raises
     ------
     DeclarationError
-        If points do not increase, a value is not finite, or there are too few.
+        If points do not increase, a value is not finite, there are too few, or the unit does not
+        parse.
 
     Notes
     -----
@@ -128,6 +133,7 @@ class Table:
         *,
         where: str = "table",
         source: Mapping[str, Any] | None = None,
+        unit: str = "",
     ) -> None:
         check_word(kind, TABLE_KINDS, f"{where}, kind")
         sides = outside if isinstance(outside, tuple | list) else (outside, outside)
@@ -136,6 +142,7 @@ class Table:
         self.kind: TableKind = kind
         self.outside: tuple[Outside, Outside] = (sides[0], sides[1])
         self.source: dict[str, Any] = dict(source or {})
+        self.unit: str = check_unit(unit, f"{where}, unit")
         self.formulas: dict[int, str] = {}
         self.axes: tuple[Array, ...]
         if is_grid(points):
@@ -180,6 +187,7 @@ class Table:
         outside: Outside | tuple[Outside, Outside] = "refused",
         *,
         name: str = "",
+        unit: str = "",
     ) -> Table:
         """A table of columns of a text file.
 
@@ -194,7 +202,7 @@ class Table:
         value : str
             The column of the values: by default that called by the `name`, or ``value``, or else
             the only other one.
-        kind, outside
+        kind, outside, unit
             As of :class:`Table`.
         name : str
             How formulas call it.
@@ -211,12 +219,13 @@ class Table:
         source = {"file": str(file), "of": names if len(names) > 1 else names[0], "value": last}
         if len(names) > 1:
             axes, grid = grid_in_rows(columns, rows, names, str(file))
-            return cls(axes, grid, kind, outside, where=str(file), source=source)
+            return cls(axes, grid, kind, outside, where=str(file), source=source, unit=unit)
         try:
             checked(columns[0], columns[1], str(file), "point")
         except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (names[0], last)) from None
-        return cls(columns[0], columns[1], kind, outside, where=str(file), source=source)
+        points, values = columns[0], columns[1]
+        return cls(points, values, kind, outside, where=str(file), source=source, unit=unit)
 
     # -- what it is --------------------------------------------------------------------------------
 
@@ -228,7 +237,8 @@ class Table:
         ranges = ", ".join(f"{axis[0]:.6g} to {axis[-1]:.6g}" for axis in self.axes)
         below, above = self.outside
         beyond = below if below == above else f"{below} below, {above} above"
-        return f"{count} points from {ranges}, {self.kind}, outside {beyond}"
+        unit = f", in {self.unit}" if self.unit else ""
+        return f"{count} points from {ranges}, {self.kind}, outside {beyond}{unit}"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Table) and other.digest == self.digest
@@ -237,7 +247,8 @@ class Table:
         return hash(self.digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.points, self.given, self.kind, self.outside, self.source)
+        again = self.points, self.given, self.kind, self.outside, self.source, self.unit
+        return _again, again
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """The values over the points, with what is between them; a surface as levels.
@@ -278,10 +289,16 @@ class Table:
         """What its arguments are called where formulas are read."""
         return ("x", "y")[: len(self.axes)]
 
+    @property
+    def _weights(self) -> str:
+        """The unit of what values, or coefficients of a surface, are multiplied by."""
+        return "1" if self.unit else ""
+
     @cached_property
     def digest(self) -> str:
         """A name for its content."""
-        content = hashlib.sha256(f"{self.kind} {self.outside} {self.formulas}".encode())
+        about = f"{self.kind} {self.outside} {self.formulas} {self.unit}".rstrip()
+        content = hashlib.sha256(about.encode())
         for part in (*self.axes, self.values):
             content.update(np.ascontiguousarray(part).data)
         return content.hexdigest()[:16]
@@ -295,6 +312,7 @@ class Table:
             found["outside"] = [below, above]
         elif below != "refused":
             found["outside"] = below
+        found |= {"unit": self.unit} if self.unit else {}
         size = self.values.size + sum(map(len, self.axes))
         if size <= 2 * _LISTED or self.formulas:
             points = [axis.tolist() for axis in self.axes]
@@ -316,7 +334,7 @@ class Table:
         ----------
         table : mapping
             With ``file`` (relative to the folder), ``of`` and ``value``; or ``points`` and
-            ``values``; or ``packed`` and ``shape``. With ``kind`` and ``outside``.
+            ``values``; or ``packed`` and ``shape``. With ``kind``, ``outside`` and ``unit``.
         where : str
             The key, for messages.
         folder : path
@@ -335,7 +353,7 @@ class Table:
                 "the points of the table are missing",
                 'Write it like {file = "mu.csv", of = "speed", value = "mu"}',
             )
-        known = {*way, "kind", "outside", "digest"}
+        known = {*way, "kind", "outside", "unit", "digest"}
         for key in table:
             if key not in known:
                 raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
@@ -344,6 +362,7 @@ class Table:
             table.get("kind", "linear"),
             tuple(outside) if isinstance(outside, list) else outside,
         )
+        unit = unit_entry(table, where)
         if way[0] == "file":
             of, value = table.get("of", ""), table.get("value", "")
             of = tuple(of) if isinstance(of, list) else of
@@ -354,12 +373,13 @@ class Table:
                     "the name of a column is not a string",
                     'Write it like of = "speed", or of = ["x", "y"]',
                 )
-            found = cls.read(folder / table["file"], of, value, *options, name=name)
+            found = cls.read(folder / table["file"], of, value, *options, name=name, unit=unit)
         elif way[0] == "points":
-            found = cls(table["points"], table.get("values", ()), *options, where=where)
+            points, values = table["points"], table.get("values", ())
+            found = cls(points, values, *options, where=where, unit=unit)
         elif way[0] == "packed":
             points, values = unpacked_table(table, where)
-            found = cls(points, values, *options, where=where)
+            found = cls(points, values, *options, where=where, unit=unit)
         else:
             raise DeclarationError(
                 where,
@@ -455,7 +475,14 @@ class Table:
                 c = integrated(breaks, c, open_ends)
             covered = self._covered(0, open_ends)
             return PiecewisePolynomial(
-                name, breaks, c, 0.0, sides=("even", "odd"), called=called, covered=covered
+                name,
+                breaks,
+                c,
+                0.0,
+                sides=("even", "odd"),
+                called=called,
+                covered=covered,
+                unit=self.unit if which is None else self._weights,
             )
 
         return self._kept(called, open_ends, "values" if which is None else which, make)
@@ -494,7 +521,14 @@ class Table:
 
         def make(label: str, c: Array, of: Surface | None) -> PiecewisePolynomial:
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, surface=of
+                label,
+                breaks,
+                c,
+                0.0,
+                sides=("even", "odd"),
+                covered=covered,
+                surface=of,
+                unit=self._weights,
             )
 
         numbers, within = np.arange(float(count))[:, None], np.tile([0.0, 1.0], (count, 1))
@@ -517,7 +551,14 @@ class Table:
             c = np.ascontiguousarray(cells[:, :, a, b].T.reshape(-1, 1))
             of = self.surface if a == b == 0 else None
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("own",), covered=_EVERYWHERE, surface=of
+                label,
+                breaks,
+                c,
+                0.0,
+                sides=("own",),
+                covered=_EVERYWHERE,
+                surface=of,
+                unit=self.unit,
             )
 
         return columns, {
@@ -546,7 +587,7 @@ class Table:
             breaks = ends_of_pieces(self.axes[other], open_ends)
             covered = self._covered(other, open_ends)
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, unit=self.unit
             )
 
         place = np.float64(value).tobytes().hex()
@@ -723,6 +764,6 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
 # -- reading ---------------------------------------------------------------------------------------
 
 
-def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any) -> Table:
+def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any, unit: str = "") -> Table:
     """A table that another process reads."""
-    return Table(points, values, kind, outside, source=source)
+    return Table(points, values, kind, outside, source=source, unit=unit)

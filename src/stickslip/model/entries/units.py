@@ -183,8 +183,11 @@ def agree(first: UnitPowers, second: UnitPowers) -> bool:
 
 
 def with_unit(value: float, unit: str, digits: int = 9) -> str:
-    """A number with its unit, if it has one."""
-    return f"{value:.{digits}g}" + ("" if unit.strip() in ("", "1") else f" {unit}")
+    """A number with its unit, if it has one; below a million without a power of ten."""
+    text = f"{value:.{digits}g}"
+    if "e+" in text and abs(value) < 1e6:
+        text = f"{float(text):.0f}"
+    return text + ("" if unit.strip() in ("", "1") else f" {unit}")
 
 
 def unit_label(text: str) -> str:

@@ -583,10 +583,12 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
             data[f"peak_force_{key}"] = column("", peaks, **force)
     for name in cycles[0].contacts:
         key = contact_key(name)
-        times = ["stick_time", *(["open_time"] if name in system.unilateral else [])]
-        for part in times:
+        times = {"stick_time": f"time in which {name} sticks"}
+        if name in system.unilateral:
+            times["open_time"] = f"time in which {name} is open"
+        for part, said in times.items():
             lasted = (getattr(c.contacts[name], part) for c in cycles)
-            data[f"{part}_{key}"] = column("", lasted, units=time)
+            data[f"{part}_{key}"] = column("", lasted, units=time, long_name=said)
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})
 
 

@@ -408,7 +408,9 @@ class Cycle(Result):
         ]
         if self.contacts:
             shares = (with_unit(t, units["time"], 9) for t in (self.stick_time, self.slip_time))
-            rows.append(("stick, slip", ", ".join(shares)))
+            several = len(self.contacts) > 1
+            said = "stick of all contacts, slip of any" if several else "stick, slip"
+            rows.append((said, ", ".join(shares)))
         if self.drift:
             drift = with_unit(self.drift, units["drift"], 9)
             speed = with_unit(self.speed, units["speed"], 9)
@@ -546,6 +548,8 @@ class Cycle(Result):
                 (self.dissipated, "energy", 9),
             )
         )
+        if len(self.contacts) > 1:
+            stick, slip = f"of all contacts {stick}", f"of any {slip}"
         lines = [
             f"period {period}, {self.stability}, multipliers {shown}",
             f"stick {stick}, slip {slip}, dissipated {energy}",

@@ -24,6 +24,7 @@ from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
 from stickslip.orbits.cycles.period import shortest
 from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
 from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
@@ -85,6 +86,10 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         w = replace(w, clock=now)
         found = replace(found, period=turns * now.period(problem.parameters))
     found = _extrapolated(start, found, problem.parameters) or found
+    # To first order what slides without mass stays on a tangent of the forces that it can hold.
+    states = found.state[None, :].copy()
+    settle_friction(problem.compiled.equations, problem.parameters, states, found.time)
+    found = replace(found, state=states[0])
     try:
         return accepted(*near(problem, pieces, w, found))
     except Family:

@@ -514,6 +514,6 @@ def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
             f"dissipated_{contact_key(c)}": described_as(f"energy per cycle in {c}", unit)
             for c in system.contacts
         },
-        "stick": described_as("fraction of time in stick", "1"),
+        "stick": described(system, "stick_fraction"),
         "slips": described_as("whether a contact slips", "1"),
     }

@@ -13,14 +13,14 @@ import numpy as np
 
 from stickslip.errors import some
 from stickslip.model.entries.declared import Kind
-from stickslip.model.quantities import described, quantity
+from stickslip.model.quantities import described, described_as, quantity, unit_of_measures
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
 from stickslip.sweeps.request.measures import LACKING, certified_below
 from stickslip.sweeps.request.records import Driven
-from stickslip.sweeps.request.user_measures import REASONS, Measure, variable
+from stickslip.sweeps.request.user_measures import REASONS, FormulaMeasure, Measure, variable
 
 NOT_COMPUTED = -1
 INTERPOLATED = -2
@@ -187,10 +187,15 @@ class Plan:
             if isinstance(measure, str):
                 found[name] = ("f8", np.nan, described(self.system, measure))
                 continue
+            unit = (
+                unit_of_measures(self.system, measure.expression)
+                if isinstance(measure, FormulaMeasure)
+                else "1"
+            )
             found[name] = (
                 "f8",
                 np.nan,
-                {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)},
+                {**described_as(name.replace("_", " "), unit), "measure": str(measure)},
             )
             why = _flags(dict(enumerate(REASONS))) | {"long_name": f"why {name} is missing"}
             found[f"{name}_missing"] = ("i1", 0, why)

@@ -457,7 +457,7 @@ def _scaled(
     if factor == 1.0:
         return dict(parts)
     return {
-        name: Samples(s.times, factor * s.values, s.kind, s.periodic, where=where)
+        name: Samples(s.times, factor * s.values, s.kind, s.periodic, where=where, unit=s.unit)
         for name, s in parts.items()
     }
 

@@ -107,7 +107,7 @@ def measure_chunk(
     shared = section and device == "cpu"
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
-    found = [block.run(loops, exponents, time_limit, classed=not section) for block in motions]
+    found = [block.run(loops, exponents, time_limit, classed=True) for block in motions]
     parts = list[dict[str, Array]]()
     for b, observed in zip(blocks, found, strict=True):
         # First: a motion that takes too long in it has no other measures either.

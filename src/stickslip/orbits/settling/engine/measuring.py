@@ -199,6 +199,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     copy_lane(saved, i, s, i)
     e.codes[i] = FULL
     while e.codes[i] == FULL:
+        if is_stopped(e.flow.space):
+            return  # FULL stands for that, too
         count = follow_lane(
             e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record
         )
