@@ -267,13 +267,32 @@ class Trajectory(Result):
 
     def _sample_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
-        from stickslip.motion.between import dense
+        from stickslip.motion.between.flights import states_in_flights
 
         p, k = self._problem, self.knots
+        states = np.empty((len(clock), k.state.shape[1]))
+        flown = states_in_flights(p, k, index, clock, states)
+        if not np.any(flown):
+            return self._sample_steps(k, clock, index)
+        out = np.empty((len(clock), p.compiled.layout.rows + 3))
+        # What a flight comes to needs no step from the knot before it: it is a knot itself.
+        own = index[flown]
+        parts = clock[flown], states[flown], k.mode[own], k.region[own], k.cause[own]
+        reached = Knots(*parts, origin=k.origin)
+        out[flown] = self._sample_steps(reached, clock[flown], np.arange(len(own)))
+        if not np.all(flown):
+            out[~flown] = self._sample_steps(k, clock[~flown], index[~flown])
+        return out
+
+    def _sample_steps(self, knots: Knots, clock: Array, index: Array) -> Array:
+        """The same, by the series that the motion was computed by."""
+        from stickslip.motion.between import dense
+
+        p = self._problem
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
         order = in_order(clock, index)
-        given = self._seen, k.record, index[order], clock[order], work, out
+        given = self._seen, knots.record, index[order], clock[order], work, out
         unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
         return as_asked(out, order)
 
@@ -283,7 +302,7 @@ class Trajectory(Result):
 
     def _states_on_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
-        from stickslip.motion.affine.between import states_in_flights
+        from stickslip.motion.between.flights import states_in_flights
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), k.state.shape[1]))

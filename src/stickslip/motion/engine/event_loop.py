@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array, IntVector, Many
+from stickslip.arrays import Array, IntMatrix, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
@@ -24,7 +24,7 @@ from stickslip.motion.engine.events import (
     note,
     strike,
 )
-from stickslip.motion.engine.flying import fly_on
+from stickslip.motion.engine.flying import fly_on, slot_of
 from stickslip.motion.engine.impacts import is_paradox
 from stickslip.motion.modes.guards import contact_of, doubt_of, first_event, guard_at
 from stickslip.motion.modes.mode_series import keeps
@@ -103,6 +103,30 @@ class Before(NamedTuple):
     series: float
     recent: float
     cause: int
+
+
+@entry_point()
+def prepare_flights(
+    machine: Machine,
+    flow: FlowOfMany,
+    flight: Flight,
+    forms: ClosedForms,
+    modes: IntMatrix,
+    regions: IntMatrix,
+) -> None:
+    """Make the closed forms of some modes, as a motion that comes to them does.
+
+    Parameters
+    ----------
+    flow : Flow
+        Constants of one group (a leading axis).
+    modes, regions : arrays of int, shapes (modes, contacts), (modes, kinks)
+        Modes are 0 or ±1.
+    """
+    for i in range(len(modes)):
+        if is_stopped(flow.space):
+            return
+        slot_of(machine, flow, 0, forms, flight, modes[i], regions[i])
 
 
 @entry_point()

@@ -8,13 +8,38 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.affine.flights import mode_key
-from stickslip.motion.affine.forms import EXPONENTS
+from stickslip.motion.affine.forms import EXPONENTS, ClosedForms
+from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
     from stickslip.motion.record.knots import Knots
 
 _LONG = 100.0  # shortest times in a flight that is worth it
+
+
+def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
+    """The closed forms of a motion, which are made again where it comes from a file."""
+    from stickslip.motion.engine.event_loop import prepare_flights
+    from stickslip.motion.steps.arrays import Constants
+
+    T = problem.closed_forms
+    if len(T.status) == 0 or T.used[0] > 0 or len(knots.clock) < 2:
+        return T
+    lasts = np.append(np.diff(knots.clock) > 0.0, False)
+    lasts &= ~np.any(np.abs(knots.mode) > 1, axis=1)
+    both = np.column_stack([knots.mode[lasts], knots.region[lasts]]).astype(np.int64)
+    both = both[np.sort(np.unique(both, axis=0, return_index=True)[1])]
+    contacts = knots.mode.shape[1]
+    modes, regions = map(np.ascontiguousarray, (both[:, :contacts], both[:, contacts:]))
+    constants = Constants(*(part[None] for part in problem.constants))
+
+    def made() -> None:
+        flow = problem.flow(constants)
+        prepare_flights(problem.machine, flow, problem.shared_flight, T, modes, regions)
+
+    unbroken(made)
+    return T
 
 
 def states_in_flights(
@@ -37,7 +62,7 @@ def states_in_flights(
         Where there is one.
     """
     done = np.zeros(len(clock), bool)
-    T = problem.closed_forms
+    T = known_forms(problem, knots)
     used = int(T.used[0]) if len(T.status) else 0
     if not np.any(T.flown[:used]):
         return done
