@@ -513,9 +513,9 @@ def test_certificate_sees_what_is_wrong(motion: Play) -> None:
 
 
 def test_refused_times(motion: Play) -> None:
-    with pytest.raises(DeclarationError, match="Ask for 0 <= t <= 5"):
+    with pytest.raises(DeclarationError, match="Use 0 <= t <= 5"):
         motion.at([1.0, 5.1])
-    with pytest.raises(DeclarationError, match="Ask for 0 <= t <= 5"):
+    with pytest.raises(DeclarationError, match="Use 0 <= t <= 5"):
         motion.position(np.nan)
     with pytest.raises(DeclarationError, match="'right'"):
         motion.at(1.0, side="middle")

@@ -228,7 +228,7 @@ def test_a_stored_response_is_the_same(tmp_path: Path) -> None:
         ({"parameter": "c"}, "c: it does not change the period of the drives"),
         ({"span": (1.0, 1.0)}, "omega: .* is not a range"),
         ({"span": (-1.0, 1.0)}, "omega: the frequency is zero within its range"),
-        ({"levels": {"G": [1.0]}}, "levels.G: neither a parameter"),
+        ({"levels": {"G": [1.0]}}, "levels.G: unknown parameter"),
         ({"levels": {"omega": [1.0]}}, "levels: omega cannot be a level"),
         ({"levels": {"F": []}}, "levels.F: there are no points"),
         ({"levels": {"F": [0.1], "c": [0.1]}}, "levels: F, c cannot be a level"),

@@ -435,7 +435,7 @@ class Structure:
             rows.append(("first omitted frequency", f"{left.frequency:.6g}"))
             error = left.static_error
             said = f"{100.0 * error:.2g} %" if error == error else "none kept"
-            rows.append(("static error at kept degrees of freedom", said))
+            rows.append(("static error", said))
             data |= {"left_out": {"frequency": left.frequency, "static_error": error}}
         return Summary("Structure", tuple(rows), data, True)
 

@@ -114,7 +114,7 @@ def test_bad_input() -> None:
         "high:y": "unknown quantity",
         "speed": "does not drift",
         "speed:y": "not a component of the state",
-        "energy_per_cycle:shoe": "no contact",
+        "energy_per_cycle:shoe": "unknown contact",
         "mean:abs(d_x)": "it has a kink that the motion does not have",
         "cost_of_transport:x": "x",
     }.items():
