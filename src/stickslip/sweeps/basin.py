@@ -176,10 +176,11 @@ def basin(
     Basin
         Its dataset has one dimension for each name in `over`: ``attractor``, a code with
         flag_meanings; negative where a motion stopped (−1), spent its budget (−2), is undamped
-        (−3), irregular (−4), slow (−5), or was not computed (−6); and ``lacking``, the failed criterion of the certificate of each motion. Dimension
-        ``reached``: ``kind``, ``period``, ``speed``, ``share`` of the section, ``state_…`` of one
-        state, ``low_…`` and ``high_…`` of each attractor, ``certified``, ``stability`` of a cycle,
-        and whether it is one of a ``family``.
+        (−3), irregular (−4), slow (−5), or was not computed (−6); and ``lacking``, the failed
+        criterion of the certificate of each motion. Dimension ``reached``: ``kind``, ``period``,
+        ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
+        each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
+        ``family``.
 
     Raises
     ------
