@@ -124,7 +124,7 @@ def stuck() -> ss.System:
 
 @pytest.mark.parametrize("part", [0.9, 0.5])
 def test_what_is_doubted_is_added_up_once(part: float) -> None:
-    """With a lower threshold the flight obeys the equations, but not the law from some time on. What
+    """With a lower threshold the flight obeys the equations, but the law only at first. What
     was added up of it until then is taken back."""
     system = replace(stuck(), forces={"u[0]": "cos(20*t) + t"}, span=(0.0, 8.0))
     m = ss.simulate(system)
