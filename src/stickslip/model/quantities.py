@@ -284,7 +284,6 @@ def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
 
     Parameters
     ----------
-    formula : Expr
     unit : callable
         The unit of a name.
     """
