@@ -165,8 +165,8 @@ def test_control_c_names_what_is_kept() -> None:
     done = int((Map.open("toy.zarr")["outcome"] >= 0).sum())
     assert 0 < done < 1600
     assert err.strip() == (
-        f"stickslip: interrupted; {done:,} of 1,600 points are in toy.zarr; the same command goes "
-        "on"
+        f"stickslip: interrupted; {done:,} of 1,600 points are in toy.zarr; run the same "
+        "command again to resume"
     )
 
 
