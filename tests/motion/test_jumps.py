@@ -633,11 +633,11 @@ def test_guards_of_what_the_state_says(shown: str, written: str) -> None:
 @pytest.mark.parametrize(
     ("when", "said"),
     [
-        ("friction_rub + 0.5", "'friction_rub' may not stand here. It follows from the forces"),
-        ("normal_foot - 0.5", "'normal_foot' may not stand here. It follows from the forces"),
+        ("friction_rub + 0.5", "'friction_rub' is not allowed here. It follows from the forces"),
+        ("normal_foot - 0.5", "'normal_foot' is not allowed here. It follows from the forces"),
         ("dd_x", "Write the force of a spring that carries it"),
-        ("lost + 0.1", "when: it uses the output 'lost', in which 'friction_rub' may not"),
-        ("press - 0.5", "when: it uses the output 'press', in which 'normal_foot' may not"),
+        ("lost + 0.1", "when: it uses the output 'lost', in which 'friction_rub' is not allowed"),
+        ("press - 0.5", "when: it uses the output 'press', in which 'normal_foot' is not allowed"),
         ("dissipated_energy - 1", "declare an internal variable with its power"),
         ("mode_rub - 0.5", "A mode passes through no zero"),
     ],
