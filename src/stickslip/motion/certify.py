@@ -36,7 +36,7 @@ NAMES = ("energy balance", "friction law", "equations of motion", "rounding erro
 _TOLERANCE = 1e-9  # limit of all residuals, at least
 _ACCURACY = 10.0  # … and so many times rtol
 _ROUNDING = 1e-13  # of components of one kind, relative to the largest
-_TOUCHING = 1e-9  # gap of bodies that touch, relative to the state
+_TOUCHING = 1e-9  # gap of bodies that touch, relative to the largest coordinate of the motion
 
 
 def certify_trajectory(trajectory: Trajectory) -> Certificate:
@@ -85,7 +85,8 @@ def _collides(trajectory: Trajectory, start: Array) -> bool:
     (row,) = trajectory._sample_steps(first, k.clock[:1], np.zeros(1, np.int64))
     gaps = row[[layout.gaps[i] for i in which]]
     rates = row[[layout.u[i] for i in which]]
-    touching = np.abs(gaps) <= _TOUCHING * max(float(np.max(np.abs(start), initial=0.0)), 1.0)
+    places = np.abs(k.state[:, : layout.sizes["nq"]])
+    touching = np.abs(gaps) <= _TOUCHING * np.max(places, initial=0.0)
     return bool(np.any(touching & (rates < 0.0)))
 
 

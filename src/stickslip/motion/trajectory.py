@@ -339,7 +339,7 @@ class Trajectory(Result):
         """Energy, work and violations at the knots, recomputed from them."""
         k = self.knots
         rows = self._problem.compiled.layout.rows
-        energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
+        energy = self._sample_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
         return audited(self._problem, k, self._seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------

@@ -59,7 +59,7 @@ def states_in_flights(
     Returns
     -------
     array of bool, shape (times,)
-        Where there is one.
+        Where there is one; not at the knots themselves.
     """
     done = np.zeros(len(clock), bool)
     T = known_forms(problem, knots)
@@ -71,13 +71,16 @@ def states_in_flights(
     n = out.shape[1]
     lengths = np.append(np.diff(knots.clock), 0.0)
     shortest = float(np.min(T.shortest[:used][T.flown[:used] == 1]))
-    for i in np.unique(index[lengths[index] > _LONG * shortest]):
+    # At a knot the state is known; of a motion with many flights, few have other times in them.
+    inside = np.flatnonzero((clock > knots.clock[index]) & (lengths[index] > _LONG * shortest))
+    inside = inside[np.argsort(index[inside], kind="stable")]
+    which, firsts = np.unique(index[inside], return_index=True)
+    for i, own in zip(which, np.split(inside, firsts[1:]), strict=False):
         if np.any(np.abs(knots.mode[i]) > 1):
             continue
         slot = slots.get(mode_key(knots.mode[i].astype(np.int64), knots.region[i].astype(np.int64)))
         if slot is None or not lengths[i] > _LONG * T.shortest[slot]:
             continue
-        own = index == i
         begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
         tau = clock[own] - knots.clock[i]
         waves: AnyArray = np.exp(1j * omega * begin)
@@ -97,5 +100,5 @@ def states_in_flights(
             + (turned @ T.a[slot, signals, :count].T).real
             + (swung @ T.b[slot, signals].T).real
         )
-        done |= own
+        done[own] = True
     return done
