@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import made_once
 from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import (
     UnitPowers,
@@ -227,7 +228,12 @@ def energy_unit(system: System) -> str | None:
     A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their
     dimension decide; among equal units the one with the fewest factors is taken.
     """
-    system = system.plain
+    plain = system.plain
+    # Every force and every amplitude of a mode asks for it, and a structure has many.
+    return made_once(plain, "energy unit", lambda: _energy_unit_of(plain))
+
+
+def _energy_unit_of(system: System) -> str | None:
     declared = [
         *system.parameters.values(),
         *system.coordinates.values(),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stickslip.motion.record.knots import Knots
 
 _LONG = 100.0  # shortest times in a flight that is worth it
+APART = 150.0  # … between the times in it, where work is asked for
 
 
 def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
@@ -43,7 +44,7 @@ def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
 
 
 def states_in_flights(
-    problem: Problem, knots: Knots, index: Array, clock: Array, out: Array
+    problem: Problem, knots: Knots, index: Array, clock: Array, out: Array, apart: float = 0.0
 ) -> Array:
     """Put the states at some times into an array, as far as the times are in long flights.
 
@@ -55,6 +56,8 @@ def states_in_flights(
         Times since the origin.
     out : array, shape (times, n)
         Receives the states.
+    apart : float
+        Shortest times between those in a flight, on average, from which on it is worth it.
 
     Returns
     -------
@@ -70,7 +73,10 @@ def states_in_flights(
     omega = problem.constants.omega
     n = out.shape[1]
     lengths = np.append(np.diff(knots.clock), 0.0)
-    shortest = float(np.min(T.shortest[:used][T.flown[:used] == 1]))
+    fast = (T.flown[:used] == 1) & (T.shortest[:used] > 0.0)
+    if not np.any(fast):
+        return done
+    shortest = float(np.min(T.shortest[:used][fast]))
     # At a knot the state is known; of a motion with many flights, few have other times in them.
     inside = np.flatnonzero((clock > knots.clock[index]) & (lengths[index] > _LONG * shortest))
     inside = inside[np.argsort(index[inside], kind="stable")]
@@ -79,7 +85,8 @@ def states_in_flights(
         if np.any(np.abs(knots.mode[i]) > 1):
             continue
         slot = slots.get(mode_key(knots.mode[i].astype(np.int64), knots.region[i].astype(np.int64)))
-        if slot is None or not lengths[i] > _LONG * T.shortest[slot]:
+        least = 0.0 if slot is None else max(_LONG, apart * len(own)) * float(T.shortest[slot])
+        if slot is None or not lengths[i] > least > 0.0:
             continue
         begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
         tau = clock[own] - knots.clock[i]

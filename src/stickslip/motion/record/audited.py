@@ -185,11 +185,11 @@ def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, time
         In their order within a step.
     """
     from stickslip.motion.audit.work import work_until
-    from stickslip.motion.between.flights import states_in_flights
+    from stickslip.motion.between.flights import APART, states_in_flights
 
     work = np.zeros((len(times), 2))
     states = np.empty((len(times), knots.state.shape[1]))
-    flown = states_in_flights(problem, knots, step, times, states)
+    flown = states_in_flights(problem, knots, step, times, states, APART)
     if np.any(flown):
         given = step[flown], times[flown], states[flown]
         work[flown] = _work_in_flights(problem, knots, seen, *given)
