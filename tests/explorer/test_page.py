@@ -34,8 +34,8 @@ def screen(chromium, explorer: Explorer) -> Iterator[Screen]:
 def assert_drawn(screen: Screen, motion: ss.Trajectory) -> None:
     """What the page has drawn is this motion: all its switches, and the numbers at all times."""
     assert_holds(screen, motion)
-    lines = screen.js("explorer.model('motion3_lines').data.xs.length ?? 1")
-    assert lines
+    # Lines are drawn after the numbers have come.
+    screen.until("explorer.model('motion3_lines').data.xs.length ?? 1")
 
 
 def assert_holds(screen: Screen, motion: ss.Trajectory) -> None:

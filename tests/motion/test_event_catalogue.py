@@ -281,4 +281,4 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert fast.exit_code == 0 and "while a rate is above 0.31 m/s" in fast.output
     again = run(app, ["events", str(folder / "catalogue.nc")])
-    assert again.exit_code == 2 and "no motion" in again.output
+    assert again.exit_code == 2 and "not a motion" in again.output

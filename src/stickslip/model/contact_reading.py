@@ -225,7 +225,7 @@ class _Contacts:
             if contact.dissipation is not None:
                 raise DeclarationError(
                     f"{where}.dissipation",
-                    "only a contact in a plane has axes",
+                    "a contact along a line does not take a dissipation",
                     "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
                 )
             if isinstance(contact.surface_speed, tuple):
