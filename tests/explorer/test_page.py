@@ -34,8 +34,8 @@ def screen(chromium, explorer: Explorer) -> Iterator[Screen]:
 def assert_drawn(screen: Screen, motion: ss.Trajectory) -> None:
     """What the page has drawn is this motion: all its switches, and the numbers at all times."""
     assert_holds(screen, motion)
-    # Lines are drawn after the numbers have come.
-    screen.until("explorer.model('motion3_lines').data.xs.length ?? 1")
+    lines = screen.js("explorer.model('motion3_lines').data.xs.length ?? 1")
+    assert lines
 
 
 def assert_holds(screen: Screen, motion: ss.Trajectory) -> None:
@@ -241,6 +241,7 @@ def test_a_lecture_on_a_phone(screen: Screen, number: int) -> None:
         )
     finally:
         screen.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        screen.driver.get("about:blank")  # the next test is not on a phone
 
 
 def taken(screen: Screen, form: str) -> dict:
