@@ -314,9 +314,13 @@ def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
 
 def ring_down_command(
     model: Model,
-    coordinate: Annotated[
+    of: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose vibration it is."),
+        typer.Option(
+            "--of",
+            metavar="FORMULA",
+            help="Whose vibration it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
+        ),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -344,7 +348,7 @@ def ring_down_command(
         return ring_down(
             system,
             initial=start,
-            coordinate=coordinate,
+            of=of,
             rtol=rtol,
             time_limit=time_limit,
             progress=progress,
@@ -359,9 +363,13 @@ def backbone_command(
     amplitudes: Annotated[
         str, typer.Option("--amplitudes", metavar="LOW:HIGH", help="Their range, such as 0.1:10.")
     ],
-    coordinate: Annotated[
+    of: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose amplitude, such as 'u[tip]'."),
+        typer.Option(
+            "--of",
+            metavar="FORMULA",
+            help="Whose amplitude it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
+        ),
     ] = None,
     mode: Annotated[
         int, typer.Option("--mode", metavar="N", help="The linear mode to begin with, from 1.")
@@ -395,7 +403,7 @@ def backbone_command(
         return backbone(
             system,
             (low, high),
-            coordinate=coordinate,
+            of=of,
             mode=mode,
             points=points,
             time_limit=time_limit,

@@ -1,4 +1,4 @@
-"""Turning points of a coordinate: where its velocity changes its sign, or it comes to rest.
+"""Turning points of what swings: where its velocity changes its sign, or it comes to rest.
 
 Between two knots a motion is smooth. It is sampled there until the cubic through neighbouring
 positions and velocities meets the motion between them, so that no swing is stepped over; the roots
@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.studies.swinging import ValuesAndRates
 
 _PIECES = 8  # of a step, at first
 _PIECES_OF_ALL = 256  # of the whole motion, at first
@@ -27,24 +28,22 @@ _ROOT = 4.0 * np.finfo(float).eps  # relative
 
 
 @dataclass(frozen=True)
-class CoordinateTrace:
-    """A coordinate and its rate along a motion, each a sum of components of the state.
+class SwingTrace:
+    """Something that swings along a motion.
 
     Attributes
     ----------
     motion : Trajectory
-    position, velocity : array, shape (n,)
-        Weights of the components.
+    along : callable
+        Its values and rates at times since the origin, within the steps of knots.
     """
 
     motion: Trajectory
-    position: Array
-    velocity: Array
+    along: ValuesAndRates
 
     def __call__(self, clock: Array, step: AnyArray) -> tuple[Array, Array]:
         """Positions and velocities at times since the origin, within the steps of knots."""
-        states = self.motion._states_on_clock(clock, step)
-        return states @ self.position, states @ self.velocity
+        return self.along(clock, step)
 
     def roots(self, step: AnyArray, low: Array, high: Array) -> Array:
         """Where the velocity is zero between two times of each of some steps at which its signs
@@ -63,7 +62,7 @@ class CoordinateTrace:
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Where a coordinate turns.
+    """Where something turns.
 
     Attributes
     ----------
@@ -89,12 +88,12 @@ class TurningPoints:
     fades: bool
 
 
-def turning_points(followed: CoordinateTrace) -> TurningPoints:
-    """All turning points of a coordinate, in their order.
+def turning_points(followed: SwingTrace) -> TurningPoints:
+    """All turning points of what swings, in their order.
 
     Parameters
     ----------
-    followed : CoordinateTrace
+    followed : SwingTrace
     """
     k = followed.motion.knots
     step, clock, x, v = _samples(followed)
@@ -132,14 +131,14 @@ def turning_points(followed: CoordinateTrace) -> TurningPoints:
     return TurningPoints(clocks, places, rested, fault, stops and rests > 0.0, fades)
 
 
-def _switched(followed: CoordinateTrace, step: int, clock: float) -> bool:
+def _switched(followed: SwingTrace, step: int, clock: float) -> bool:
     """Whether a time is that of a switch: what fades away never comes to rest."""
     k = followed.motion.knots
     knot = step + 1 if clock == k.clock[step + 1] else step
     return bool(clock == k.clock[knot] and k.cause[knot] >= 0)
 
 
-def _samples(followed: CoordinateTrace) -> tuple[AnyArray, Array, Array, Array]:
+def _samples(followed: SwingTrace) -> tuple[AnyArray, Array, Array, Array]:
     """Step, time, position and velocity at times between which the motion is a cubic, nearly.
 
     Both limits at every knot are among them.
