@@ -366,8 +366,9 @@ def fit_problem(
     data : table, Recording, or sequence of these
         A file, a DataFrame, a Dataset, or a mapping of names to arrays; see :class:`Recording`.
     free : mapping of str to (float, float) or None, or names
-        What is looked for: parameters, and parts of the state for their initial values (one for
-        each recording), with bounds; by default the declared ranges.
+        What is looked for: parameters, and parts of the state, or unknowns ``u[tip]`` of
+        structures, for their initial values (one for each recording), with bounds; by default the
+        declared ranges.
     observe : mapping of str to str, optional
         The quantity of the motion (or a formula of quantities) that each column is of; by default
         columns are called as quantities are. ``t`` is the time of an event.

@@ -81,8 +81,8 @@ def read_unknowns(
     ----------
     system : System
     free : mapping of str to (float, float) or None, or names
-        Parameters, and components of the state for their initial values, with bounds; by default
-        the declared ranges.
+        Parameters, and components of the state, or unknowns of structures, for their initial
+        values, with bounds; by default the declared ranges.
     records : tuple of Recording
     given : mapping of str to float
         Values of parameters that replace the defaults: where to begin.
@@ -96,6 +96,8 @@ def read_unknowns(
     if not table:
         raise DeclarationError("free", "nothing is free", 'Name what to fit, like {"k": (1, 10)}')
     state = list(system.declaration.state)
+    for record in records:
+        system.check_starts([*record.initial, *table], "free")
     found: list[Unknown] = []
     for name, bounds in table.items():
         if name in system.parameters:
@@ -105,7 +107,7 @@ def read_unknowns(
                     f"free.{name}", f"{fixed[0]} gives its value", "Fix it, or leave it free"
                 )
             found.append(_parameter(system, name, bounds, given))
-        elif name in state:
+        elif system.start_slope(name, "free"):
             found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
         else:
             known = suggestion(name, [*system.parameters, *state])
@@ -137,7 +139,10 @@ def _parameter(system: System, name: str, bounds: FreeRange, given: Mapping[str,
 def _initial(
     system: System, name: str, bounds: FreeRange, r: int, records: tuple[Recording, ...]
 ) -> Unknown:
-    given = records[r].initial.get(name, system.plain.initial.get(name, 0.0))
+    begun = system.plain.initial
+    row = system.unknown(name) or {name: 1.0}
+    declared = sum(weight * begun.get(part, 0.0) for part, weight in row.items())
+    given = records[r].initial.get(name, declared)
     if isinstance(given, str):
         raise DeclarationError(
             f"free.{name}",

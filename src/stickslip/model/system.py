@@ -7,12 +7,13 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import TYPE_CHECKING, Any, cast
 
 from stickslip.arguments import validated
+from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
     AnyStructure,
@@ -259,16 +260,67 @@ class System:
         from stickslip.structures.coordinates import start_of
 
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
-        structures = self.written_structures
-        rest = start_of(structures, {**self.initial, **zero})
+        rest = start_of(self.written_structures, {**self.initial, **zero})
         found: dict[str, Any] = {}
         # Amplitudes of modes are linear in the values, whatever these are.
         for name in unknowns:
-            ones = start_of(structures, {**self.initial, **zero, name: 1.0})
-            for mode in [part for part in ones if part not in self.initial]:
-                part = given[name] * (ones[mode] - rest[mode])
-                found[mode] = found.get(mode, rest[mode]) + part
+            for mode, slope in self.start_slope(name).items():
+                if mode not in self.initial:
+                    found[mode] = found.get(mode, rest[mode]) + given[name] * slope
         return found | {name: value for name, value in given.items() if not is_entry(name)}
+
+    def start_slope(self, name: str, section: str = "initial") -> dict[str, float]:
+        """How the state at the start changes with an initial value that has a name: with a part of
+        it, or with an unknown of a structure, while all others stay.
+
+        Parameters
+        ----------
+        name : str
+        section : str
+            Where it stands, for messages.
+
+        Returns
+        -------
+        dict of str to float
+            By part of the state; empty if it is neither.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such unknown, or its value determines none of the modes.
+        """
+        if name in self.declaration.places:
+            return {name: 1.0}
+        if not (is_entry(name) and self.structures):
+            return {}
+        from stickslip.structures.coordinates import modes_per_unknown
+
+        return modes_per_unknown(self.written_structures, name, section)
+
+    def check_starts(self, names: Iterable[str], section: str) -> None:
+        """Refuse initial values of an unknown of a structure beside those of its modes, and of one
+        unknown under two names.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Of all initial values that are given or vary; others are left out.
+        section : str
+            Where they stand, for messages.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        slopes = {name: self.start_slope(name, section) for name in names}
+        unknowns = {name: slope for name, slope in slopes.items() if slope and name not in slope}
+        for name, slope in unknowns.items():
+            where = f"{section}.{short(name)}"
+            if own := sorted(slope.keys() & slopes.keys()):
+                reason = f"the amplitude of a mode that it moves is given, too: {own[0]}"
+                raise DeclarationError(where, reason, "Give unknowns, or modes")
+            if twice := [x for x, other in unknowns.items() if x != name and other == slope]:
+                raise DeclarationError(where, f"{twice[0]} is the same unknown", "Give it once")
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:

@@ -56,6 +56,7 @@ from stickslip.symbolic.formulas import (
 if TYPE_CHECKING:
     from stickslip.model.entries.tables import Table
     from stickslip.model.laws import FrictionLaw
+    from stickslip.structures.coordinates import InModes
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
@@ -372,12 +373,41 @@ class _WrittenOut:
             self.origins[f"coordinates.{mode}"] = where
 
     def start_structures(self) -> None:
-        """Let modes begin where unknowns are to."""
+        """Let modes begin, and land after jumps, where unknowns are to."""
         if self.structures:
-            from stickslip.structures.coordinates import InModes, start_of
+            from stickslip.structures.coordinates import start_of
 
             parts = cast("Mapping[str, InModes]", self.structures)
             self.initial = start_of(parts, self.initial)
+            for name, jump in self.jumps.items():
+                to = self.landing(entry_key("jumps", name), jump.to, parts)
+                self.jumps[name] = replace(jump, to=to)
+
+    def landing(
+        self, where: str, to: Mapping[str, Formula], parts: Mapping[str, InModes]
+    ) -> dict[str, Formula]:
+        """New values of modes, where some are declared of unknowns: all others stay."""
+        from stickslip.structures.coordinates import modes_per_unknown
+
+        found: dict[str, Formula] = {x: value for x, value in to.items() if not is_entry(x)}
+        terms: dict[str, list[str]] = {}
+        known: list[dict[str, float]] = []
+        for number, (x, value) in enumerate(to.items(), 1):
+            if not is_entry(x):
+                continue
+            own, here = f"landing_{key_of(where)}_{number}", entry_key(f"{where}.to", x)
+            self.take(self.functions, own, value, here)
+            self.origins[f"functions.{own}"] = here
+            slope = modes_per_unknown(parts, x, f"{where}.to")
+            if slope in known:
+                raise DeclarationError(here, "this unknown has two new values", "Give it one")
+            if both := [mode for mode in slope if mode in found]:
+                reason = f"the amplitude of a mode that it moves jumps, too: {both[0]}"
+                raise DeclarationError(here, reason, "Give unknowns, or modes")
+            known.append(slope)
+            for mode, weight in slope.items():
+                terms.setdefault(mode, [mode]).append(f"({weight!r})*({own} - {x})")
+        return found | {mode: " + ".join(parts) for mode, parts in terms.items()}
 
     def unknown(self, section: str, text: str) -> str:
         """The name of an unknown, or of its rate, as symbols have it.

@@ -161,21 +161,11 @@ def start_of(
         if not is_entry(text):
             others[text] = value
             continue
-        where = f"{section}.'{short(text)}'"
-        try:
-            prefix, name, index = entry_of(text, structures)
-        except KeyError as error:
-            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
-        structure = structures[name].structure
-        if index not in structure.own:
-            raise DeclarationError(
-                where,
-                "it is not a coordinate of a reduced structure, so that its value determines none",
-                f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
-            )
+        prefix, name, place = _own_place(structures, text, section)
         if not is_finite(value):
+            where = f"{section}.'{short(text)}'"
             raise DeclarationError(where, "its value is not a finite number", "Give a number")
-        rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
+        rows.setdefault((prefix, name), {})[place] = float(value)
     found: dict[str, float] = {}
     for (prefix, name), row in rows.items():
         place = np.zeros(structures[name].structure.coordinates)
@@ -184,6 +174,56 @@ def start_of(
         names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
         found |= dict(zip(names, map(float, modes), strict=True))
     return {**found, **others}
+
+
+def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tuple[str, str, int]:
+    """``"d_"`` or nothing, the structure, and which of its coordinates an unknown is.
+
+    Raises
+    ------
+    DeclarationError
+        If it does not exist, or is not a coordinate of a structure that is reduced.
+    """
+    where = f"{section}.'{short(text)}'"
+    try:
+        prefix, name, index = entry_of(text, structures)
+    except KeyError as error:
+        raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+    own = structures[name].structure.own
+    if index not in own:
+        raise DeclarationError(
+            where,
+            "it is not a coordinate of a reduced structure, so that its value determines none",
+            f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+        )
+    return prefix, name, own[index]
+
+
+def modes_per_unknown(
+    structures: Mapping[str, InModes], text: str, section: str = "initial"
+) -> dict[str, float]:
+    """How amplitudes of modes, or their rates, change with the value of one unknown, or of its
+    rate, while all others stay.
+
+    Parameters
+    ----------
+    structures : mapping of str to InModes
+    text : str
+        Such as ``d_u[tip]``.
+    section : str
+        Where it stands, for messages.
+
+    Raises
+    ------
+    DeclarationError
+        If it does not exist, or is not a coordinate of a structure that is reduced.
+    """
+    prefix, name, place = _own_place(structures, text, section)
+    unit = np.zeros(structures[name].structure.coordinates)
+    unit[place] = 1.0
+    modes = structures[name].structure.in_modes(unit)
+    names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
+    return dict(zip(names, map(float, modes), strict=True))
 
 
 def _sum(terms: Iterable[str]) -> str:

@@ -39,7 +39,7 @@ from stickslip.sweeps.request.measures import LACKING, known_for_a_time
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
-from stickslip.sweeps.sweep import Progress, compute_missing
+from stickslip.sweeps.sweep import Progress, checked_start, compute_missing
 from stickslip.sweeps.work.scheduler import Pool
 
 if TYPE_CHECKING:
@@ -142,7 +142,8 @@ def basin(
     system : System
     over : mapping of str to axis
         The states that vary, usually two, as for :func:`stickslip.sweep`:
-        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
+        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values; also unknowns of
+        structures, such as ``"u[tip]"``.
     initial : mapping of str to float, optional
         Of the other states; by default the declared ones. A rate-independent coordinate that
         friction cannot hold there starts at the nearest place at which it can.
@@ -190,15 +191,12 @@ def basin(
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
-    given = system.started(initial or {})
-    if twice := [name for name in given if name in varying]:
-        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
-    problem.initial_state(given)  # refuses what is none
+    given = checked_start(system, initial or {}, [*varying])
     plan = Plan(
         system.with_parameters(**problem.parameters),
         axes,
         _measures(problem),
-        {name: float(value) for name, value in given.items()},
+        given,
         settings,
         0,
         section=True,
@@ -217,11 +215,12 @@ def basin(
     reached = []
     if np.any(done):
         found = _settled(problem, store, done)
-        sizes = [
-            0.5 * np.ptp(varying[x]) if x in varying else 0.0 for x in system.declaration.state
-        ]
+        sizes = np.zeros(len(system.declaration.state))
+        for name, values in varying.items():
+            for x, slope in system.start_slope(name).items():
+                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
         with watching():  # what is interrupted in it ends all of it
-            census = _Census(problem, found, np.array(sizes))
+            census = _Census(problem, found, sizes)
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
     data = _dataset(system, varying, label, reached, lacks, interrupted)
@@ -278,7 +277,7 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
     for axis in axes:
         (name, *others) = axis.names
         where = f"over.{','.join(axis.names)}"
-        if others or name not in system.declaration.state:
+        if others or not system.start_slope(name, "over"):
             known = ", ".join(system.declaration.state)
             raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):

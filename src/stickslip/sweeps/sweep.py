@@ -122,7 +122,8 @@ def sweep(
     ----------
     system : System
     over : mapping of str to axis
-        What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
+        What varies, parameters and initial values (of unknowns of structures, ``"u[tip]"``, too):
+        ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
         (:mod:`stickslip.sweeps.request.axes` says all that is understood). An axis may be records
         that drive the system one after the other, ``{"record": ss.Records.read("quakes")}``; an
         axis ``scale`` multiplies them then, and each motion lasts as long as its record.
@@ -242,12 +243,7 @@ def make_plan(
     system = with_span(system, span) if driven is None else driven.first
     axes = read_axes(system, over, seed)
     varied = [name for axis in axes for name in axis.names]
-    given = system.started(initial or {})
-    for name, value in given.items():
-        check_initial(system.declaration, name, value)
-        if name in varied:
-            raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
-    start = {name: float(value) for name, value in given.items()}
+    start = checked_start(system, initial or {}, varied)
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
     if carry is not None and driven is not None:
@@ -263,6 +259,33 @@ def make_plan(
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
     return Plan(system, axes, measures, start, settings, seed, carry=carried, driven=driven)
+
+
+def checked_start(
+    system: System, initial: Mapping[str, float], varied: Sequence[str]
+) -> dict[str, float]:
+    """Initial values that hold at all points of a map, beside what varies.
+
+    Parameters
+    ----------
+    system : System
+    initial : mapping of str to float
+    varied : sequence of str
+
+    Raises
+    ------
+    DeclarationError
+        If a name is no part of the state and no unknown of a structure, its value is no number, or
+        it varies.
+    """
+    for name, value in system.started(initial).items():
+        check_initial(system.declaration, name, value)
+        if name in varied:
+            raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
+    if twice := [name for name in initial if name in varied]:
+        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
+    system.check_starts([*initial, *varied], "initial")
+    return {name: float(value) for name, value in initial.items()}
 
 
 def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:

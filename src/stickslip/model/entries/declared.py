@@ -453,8 +453,9 @@ class Jump:
         through zero on the way of the motion; what another jump, or an impact, leaps over does not
         fire, and neither does a motion that begins at zero.
     to : mapping of str to formula
-        New values of parts of the state: coordinates, rates ``d_x`` of inertial ones, internal
-        variables; formulas of the state before, all at once. What is not named stays.
+        New values of parts of the state: coordinates, rates ``d_x`` of inertial ones, unknowns
+        ``u[tip]`` of structures and their rates, internal variables; formulas of the state
+        before, all at once. What is not named stays.
     direction : {"falling", "rising", "both"}
         In which way it passes through zero; −1, 1 and 0 are the same.
     """

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
+_NOTHING = 1e-12  # of the sum of its terms: an unknown that is zero up to rounding
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
 
 
@@ -157,8 +158,8 @@ def sensitivities(
     ----------
     trajectory : Trajectory
     names : sequence of str
-        Parameters; and components of the state, for their initial values. Without any, only the
-        quantities are told.
+        Parameters; and components of the state, or unknowns of structures, for their initial
+        values. Without any, only the quantities are told.
     times : array, optional
         By default 201 of them, evenly.
     of : sequence of str, optional
@@ -223,26 +224,14 @@ def follow(
     """
     problem = trajectory._problem
     state = tuple(problem.compiled.layout.state)
-    for name in names:
-        if name not in (*trajectory.parameters, *state):
-            known = [*trajectory.parameters, *state]
-            if row := trajectory.system.unknown(name):
-                raise DeclarationError(
-                    f"sensitivity: {name}",
-                    "an unknown of a structure, and the state has its modes",
-                    f"Ask for the amplitudes of modes, such as {next(iter(row))}",
-                )
-            raise DeclarationError(
-                f"sensitivity: {name}",
-                "no parameter, and no part of the state, has this name",
-                suggestion(name, known),
-            )
-    free = tuple(dict.fromkeys(name for name in names if name not in state))
+    slopes = [_start_slope(trajectory, name) for name in names]
+    free = tuple(dict.fromkeys(x for slope in slopes for x in slope if x not in state))
     pieces = _pieces_of(trajectory, free)
-    columns = [*state, *free]
+    columns = {name: i for i, name in enumerate((*state, *free))}
     directions = np.zeros((len(columns), len(names)))
-    for j, name in enumerate(names):
-        directions[columns.index(name), j] = 1.0
+    for j, slope in enumerate(slopes):
+        for x, value in slope.items():
+            directions[columns[x], j] = value
     if start is not None:
         directions[: len(state)] += start
     refused = _begin(trajectory, pieces, directions)
@@ -253,6 +242,27 @@ def follow(
     if touching:
         missing += touched(trajectory, pieces)
     return Followed(found, sorted(missing))
+
+
+def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
+    """How the first state, or a parameter, changes with what has a name.
+
+    Raises
+    ------
+    DeclarationError
+        If nothing has it.
+    """
+    if name in trajectory.parameters:
+        return {name: 1.0}
+    slope = trajectory.system.start_slope(name, "sensitivity")
+    if not slope:
+        known = [*trajectory.parameters, *trajectory.system.declaration.state]
+        raise DeclarationError(
+            f"sensitivity: {name}",
+            "no parameter, and no part of the state, has this name",
+            suggestion(name, known),
+        )
+    return slope
 
 
 def at_events(
@@ -536,7 +546,8 @@ def second_opinion(found: Sensitivity) -> Array:
     def values(name: str, change: float) -> Array:
         given, begin = dict(motion.parameters), dict(start)
         target = given if name in given else begin
-        target[name] += change
+        for x, slope in _start_slope(motion, name).items():
+            target[x] += slope * change
         moved = simulate(system, span, initial=begin, parameters=given, rtol=1e-12)
         if not moved.outcome.ok:
             return np.full(found.values.shape, np.nan)
@@ -545,8 +556,10 @@ def second_opinion(found: Sensitivity) -> Array:
 
     slopes = np.empty_like(found.slopes)
     for j, name in enumerate(found.names):
-        size = abs(motion.parameters.get(name, start.get(name, 0.0)))
-        h = _DIFFERENCE * (size or 1.0)
+        row = motion.system.unknown(name) or {name: 1.0}
+        terms = [w * {**start, **motion.parameters}[x] for x, w in row.items()]
+        size = abs(sum(terms))
+        h = _DIFFERENCE * (size if size > _NOTHING * sum(map(abs, terms)) else 1.0)
         rough, fine = (
             (values(name, s * h) - values(name, -s * h)) / (2 * s * h) for s in (1.0, 0.5)
         )
