@@ -351,9 +351,10 @@ class _WrittenOut:
         part = InModes(name, structure)
         self.structures[name] = part
         try:
-            energies = part.energies()
+            _ = structure.squares
         except DeclarationError as error:  # too large for all its modes
             raise DeclarationError(where, error.reason, error.remedy) from None
+        energies = part.energies(self.damping_words(part, f"{where}.damping"))
         for kind, energy in zip(("kinetic", "potential", "viscous"), energies, strict=True):
             self.energies[kind].append(energy)
         pushed: list[list[str]] = [[] for _ in part.coordinates]
@@ -371,6 +372,21 @@ class _WrittenOut:
             )
             self.take(self.coordinates, mode, coordinate, where)
             self.origins[f"coordinates.{mode}"] = where
+
+    def damping_words(self, part: InModes, where: str) -> dict[str, str]:
+        """What the formulas in the damping of a structure are called: functions of their own."""
+        words: dict[str, str] = {}
+        for i, formula in enumerate(part.damping_formulas(), 1):
+            words[formula] = own = f"damping_{part.name}_{i}"
+            self.take(self.functions, own, formula, where)
+            self.origins[f"functions.{own}"] = where
+            self.ranges.append((where, own, "[0, inf)"))
+            try:
+                value = self.number(formula, {}, where)
+            except DeclarationError:
+                continue  # refused where it stands
+            parse_range("[0, inf)", where).check(value, where)
+        return words
 
     def start_structures(self) -> None:
         """Let modes begin, and land after jumps, where unknowns are to."""

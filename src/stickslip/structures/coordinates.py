@@ -9,6 +9,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import made_once
+from stickslip.structures.damping import ModalDamping, ProportionalDamping
 from stickslip.structures.names import entry_of, is_entry
 from stickslip.structures.structure import Structure, UnknownKey
 from stickslip.symbolic import expressions as ex
@@ -115,13 +116,35 @@ class InModes:
         large = np.abs(row) > _NOTHING * np.max(np.abs(row), initial=0.0)
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
 
-    def energies(self) -> tuple[str, str, str]:
-        """Kinetic and elastic energy and the viscous part of the dissipation potential."""
+    def damping_formulas(self) -> list[str]:
+        """Coefficients of its damping that are formulas, each once."""
+        rule = self.structure.damping
+        if not isinstance(rule, ProportionalDamping | ModalDamping):
+            return []
+        given = (value for value, _ in rule.weights(self.structure.squares))
+        return list(dict.fromkeys(value for value in given if isinstance(value, str)))
+
+    def energies(self, words: Mapping[str, str]) -> tuple[str, str, str]:
+        """Kinetic and elastic energy and the viscous part of the dissipation potential.
+
+        Parameters
+        ----------
+        words : mapping of str to str
+            What its :attr:`damping_formulas` are called.
+        """
         names, s = self.coordinates, self.structure
         kinetic = _sum(f"d_{q}**2/2" for q in names)
         elastic = _sum(
             f"{float(a) / 2.0!r}*{q}**2" for q, a in zip(names, s.squares, strict=True) if a
         )
+        if words and isinstance(s.damping, ProportionalDamping | ModalDamping):
+            damped = _sum(
+                f"{words.get(str(value), value)}*{float(w) / 2.0!r}*d_{q}**2"
+                for value, weights in s.damping.weights(s.squares)
+                for q, w in zip(names, weights, strict=True)
+                if value and w
+            )
+            return kinetic, elastic, damped
         damping = s.modal_damping
         if damping.ndim == 1:
             damped = _sum(
