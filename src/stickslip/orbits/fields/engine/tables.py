@@ -145,7 +145,8 @@ class Pass(NamedTuple):
     drives : float
         Largest frequency of the loads.
     modal : int
-        1 if steps may be taken by eigenvalues.
+        1 if steps may be taken by eigenvalues, 2 if several of a piece may be taken as one: changes
+        in between are no numbers then.
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
