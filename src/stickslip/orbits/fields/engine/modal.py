@@ -167,7 +167,16 @@ def modal_component(
 
 @compiled(brief=True)
 def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int, until: int) -> None:
-    """Put what each parameter adds between two knots, in eigenvectors, into `driven`."""
+    """Put what each parameter adds between two knots, in eigenvectors, into `driven`.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i, until : int
+        The knots.
+    """
     s = listed.spectra
     w = run.piece[i]
     n = len(run.knots.state[i])

@@ -93,7 +93,17 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
 @compiled()
 def last_alike(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> int:
     """The knot up to which the motion is taken in one step by eigenvalues: where its piece ends,
-    if nobody asks for the changes in between; the next one otherwise."""
+    if nobody asks for the changes in between; the next one otherwise.
+
+    Parameters
+    ----------
+    rows : Rows
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+        The knot from which it goes.
+    """
     last = i + 1
     if run.modal < 2 or not time_of(run, last) > time_of(run, i):
         return last
