@@ -27,7 +27,6 @@ from stickslip.figures.drawing.style import (
     powers_in_labels,
     root_of,
     symbol,
-    symbol_or_formula,
 )
 from stickslip.model.entries.units import unit_label, with_unit
 
@@ -208,7 +207,8 @@ def _scale(axes: Axes, response: FrequencyResponse, name: str) -> None:
     of = {"amplitude": "amplitude of ", "harmonic": "first harmonic of "}
     unit = unit_label(str(data.attrs.get("units", "")).removeprefix("1"))
     meaning = str(data.attrs.get("long_name", name.replace("_", " ")))
-    shown = symbol_or_formula(response.coordinate)
+    x = response.coordinate
+    shown = symbol(x) if x in response.system.followed else x
     label = of[name] + shown if name in of else meaning
     axes.set_ylabel(f"{label}  [{unit}]" if unit else label)
     if np.all(data >= 0.0):
