@@ -274,7 +274,7 @@ def calls() -> Iterator[tuple[str, Call]]:
             {
                 "system": ss.catalogue.jenkins_oscillator(force="0"),
                 "initial": {"d_x": 3.0},
-                "coordinate": "x",
+                "of": "x",
                 "span": (0.0, 20.0),
                 "parameters": {"c": 0.0},
                 "rtol": 1e-10,
@@ -291,7 +291,7 @@ def calls() -> Iterator[tuple[str, Call]]:
             {
                 "system": ss.catalogue.jenkins_oscillator(force=0),
                 "amplitudes": (0.4, 0.8),
-                "coordinate": None,
+                "of": None,
                 "mode": 1,
                 "parameters": {"F_c": 0.3},
                 "points": 2,
@@ -534,9 +534,9 @@ CALLS = dict(calls())
 NO_ANSWER = (
     "no such file",
     "cannot be written",
-    "Give a special point of kind",
-    "moves at both ends",
-    "no parameter was fitted",
+    "expected a special point of kind",
+    "moves at both ends of the range",
+    "no fitted parameter",
 )
 
 

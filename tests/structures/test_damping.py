@@ -83,8 +83,8 @@ def test_a_damping_ratio_is_fitted() -> None:
     [
         ("zetb", r"structures.u.damping: unknown name 'zetb'. Did you mean 'zeta'\?"),
         ("zeta +", r"structures.u.damping: .* is not a formula"),
-        ("zeta*u[tip]", r"structures.u.damping: 'u' may not stand here"),
-        ("zeta*t", r"structures.u.damping: 't' may not stand here"),
+        ("zeta*u[tip]", r"structures.u.damping: 'u' is not allowed here"),
+        ("zeta*t", r"structures.u.damping: 't' is not allowed here"),
         ("-zeta", r"structures.u.damping: -0.02 is outside the admissible range"),
     ],
 )

@@ -155,13 +155,13 @@ def test_jumps_to_unknowns(to: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("to", "said"),
     [
-        ({"d_u[top]": "1"}, r"jumps.kick.to.'d_u\[top\]': there is no such unknown.*tip"),
-        ({"d_w[0]": "1"}, r"jumps.kick.to.'d_w\[0\]': there is no such unknown"),
-        ({"u[3]": "1"}, r"jumps.kick.to.'u\[3\]'.*Its unknowns are 0 to 2"),
+        ({"d_u[top]": "1"}, r"jumps.kick.to.'d_u\[top\]': no such degree of freedom.*tip"),
+        ({"d_w[0]": "1"}, r"jumps.kick.to.'d_w\[0\]': no such degree of freedom"),
+        ({"u[3]": "1"}, r"jumps.kick.to.'u\[3\]'.*Use an index from 0 to 2"),
         ({"u[tip]": "1 +"}, r"jumps.kick.to.'u\[tip\]': .* is not a formula"),
         ({"u[tip]": "z"}, r"jumps.kick.to.'u\[tip\]': unknown name 'z'"),
-        ({"u[tip]": "1", "u[2]": "2"}, "two new values"),
-        ({"u[tip]": "1", "u_mode_2": "2"}, "mode that it moves jumps, too: u_mode_2"),
+        ({"u[tip]": "1", "u[2]": "2"}, "has two new values"),
+        ({"u[tip]": "1", "u_mode_2": "2"}, "a new value of the mode u_mode_2 is given as well"),
     ],
 )
 def test_jumps_to_no_unknown_are_refused(to: dict[str, str], said: str) -> None:
@@ -172,12 +172,12 @@ def test_jumps_to_no_unknown_are_refused(to: dict[str, str], said: str) -> None:
 @pytest.mark.parametrize(
     ("names", "initial", "said"),
     [
-        (("u[top]",), {}, r"u\[top\]'?: there is no such unknown.*tip"),
-        (("u[5]",), {}, r"u\[5\]'?: there is no such unknown"),
-        (("u[tip]", "u[2]"), {}, "is the same unknown"),
-        (("u[tip]", "u_mode_1"), {}, "mode that it moves is given, too: u_mode_1"),
-        (("u[tip]",), {"u[2]": 1.0}, "is the same unknown"),
-        (("u[tip]",), {"u_mode_2": 1.0}, "mode that it moves is given, too: u_mode_2"),
+        (("u[top]",), {}, r"u\[top\]'?: no such degree of freedom.*tip"),
+        (("u[5]",), {}, r"u\[5\]'?: no such degree of freedom"),
+        (("u[tip]", "u[2]"), {}, "it is the same degree of freedom as u"),
+        (("u[tip]", "u_mode_1"), {}, "initial value of the mode u_mode_1 is given as well"),
+        (("u[tip]",), {"u[2]": 1.0}, "it is the same degree of freedom as u"),
+        (("u[tip]",), {"u_mode_2": 1.0}, "initial value of the mode u_mode_2 is given as well"),
     ],
 )
 def test_starts_that_make_no_sense_are_refused(
@@ -201,7 +201,7 @@ def test_starts_that_make_no_sense_are_refused(
 def test_what_no_start_determines_is_refused() -> None:
     body = ss.Structure(*clamped(4), names={"tip": 6}).reduced(keep=["tip"], modes=2)
     system = ss.System("s", structures={"u": body}, span=(0.0, 0.1))
-    said = "not a coordinate of a reduced structure"
+    said = "not a coordinate of the reduced structure"
     with pytest.raises(ss.DeclarationError, match=rf"over.'u\[2\]': it is {said}"):
         ss.sweep(system, {"u[2]": [0.0, 0.1]}, ["time"])
     with pytest.raises(ss.DeclarationError, match=rf"sensitivity.'u\[2\]': it is {said}"):

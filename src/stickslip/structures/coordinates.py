@@ -27,7 +27,6 @@ class BySymbols(Indexed):
     ----------
     name : str
         Of the structure, or with ``d_`` for the rates.
-    structure : Structure
     """
 
     name: str
@@ -47,7 +46,6 @@ class InForms(Indexed):
 
     Attributes
     ----------
-    part : InModes
     prefix : str
         ``"d_"`` of rates.
     """
@@ -77,13 +75,7 @@ class InForms(Indexed):
 
 @dataclass(frozen=True)
 class InModes:
-    """A structure in a system that is written out: coordinates are its modes of unit mass.
-
-    Attributes
-    ----------
-    name : str
-    structure : Structure
-    """
+    """A structure in a system that is written out: coordinates are its modes of unit mass."""
 
     name: str
     structure: Structure
@@ -95,11 +87,11 @@ class InModes:
 
     @property
     def unit(self) -> str:
-        """Of displacements."""
+        """Unit of displacements."""
         return self.structure.unit
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands."""
+        """Index of a degree of freedom."""
         return self.structure.index(unknown)
 
     def key(self, index: int) -> UnknownKey:
@@ -117,7 +109,7 @@ class InModes:
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
 
     def damping_formulas(self) -> list[str]:
-        """Coefficients of its damping that are formulas, each once."""
+        """Coefficients of the damping that are formulas, without repetition."""
         rule = self.structure.damping
         if not isinstance(rule, ProportionalDamping | ModalDamping):
             return []
@@ -130,7 +122,7 @@ class InModes:
         Parameters
         ----------
         words : mapping of str to str
-            What its :attr:`damping_formulas` are called.
+            Names of the :attr:`damping_formulas`.
         """
         names, s = self.coordinates, self.structure
         kinetic = _sum(f"d_{q}**2/2" for q in names)
@@ -167,8 +159,6 @@ def start_of(
 
     Parameters
     ----------
-    structures : mapping of str to InModes
-    given : mapping of str to float
     section : str
         Where they stand, for messages.
 
@@ -187,7 +177,7 @@ def start_of(
         prefix, name, place = _own_place(structures, text, section)
         if not is_finite(value):
             where = f"{section}.'{short(text)}'"
-            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+            raise DeclarationError(where, "not a finite number", "Give a finite number")
         rows.setdefault((prefix, name), {})[place] = float(value)
     found: dict[str, float] = {}
     for (prefix, name), row in rows.items():
@@ -200,24 +190,25 @@ def start_of(
 
 
 def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tuple[str, str, int]:
-    """``"d_"`` or nothing, the structure, and which of its coordinates an unknown is.
+    """``"d_"`` or nothing, the structure, and the index of the coordinate that an unknown is.
 
     Raises
     ------
     DeclarationError
-        If it does not exist, or is not a coordinate of a structure that is reduced.
+        If it does not exist, or is not a coordinate of a reduced structure.
     """
     where = f"{section}.'{short(text)}'"
     try:
         prefix, name, index = entry_of(text, structures)
     except KeyError as error:
-        raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+        raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
     own = structures[name].structure.own
     if index not in own:
         raise DeclarationError(
             where,
-            "it is not a coordinate of a reduced structure, so that its value determines none",
-            f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+            "it is not a coordinate of the reduced structure",
+            "Keep it in the reduction, or give values of modes, like "
+            f"{prefix}{structures[name].coordinates[0]}",
         )
     return prefix, name, own[index]
 
@@ -225,21 +216,20 @@ def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tu
 def modes_per_unknown(
     structures: Mapping[str, InModes], text: str, section: str = "initial"
 ) -> dict[str, float]:
-    """How amplitudes of modes, or their rates, change with the value of one unknown, or of its
-    rate, while all others stay.
+    """Derivatives of the modes, or their rates, with respect to one unknown, or its rate, all other
+    unknowns being fixed.
 
     Parameters
     ----------
-    structures : mapping of str to InModes
     text : str
         Such as ``d_u[tip]``.
     section : str
-        Where it stands, for messages.
+        Prefix of error messages.
 
     Raises
     ------
     DeclarationError
-        If it does not exist, or is not a coordinate of a structure that is reduced.
+        If it does not exist, or is not a coordinate of a reduced structure.
     """
     prefix, name, place = _own_place(structures, text, section)
     unit = np.zeros(structures[name].structure.coordinates)
@@ -260,7 +250,6 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
     ----------
     text : str
         Such as ``d_u[tip]``.
-    structures : mapping of str to InModes
 
     Raises
     ------
@@ -274,12 +263,7 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
 
 
 def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:
-    """Unknowns that results show, and their rates, as rows of modes.
-
-    Parameters
-    ----------
-    structures : mapping of str to InModes
-    """
+    """Unknowns that results show, and their rates, as rows of modes."""
     names = [
         f"{prefix}{name}[{unknown}]"
         for name, part in structures.items()

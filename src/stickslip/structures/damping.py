@@ -1,7 +1,7 @@
-"""Damping that is said of modes, not by a matrix.
+"""Damping rules of structures, by modes in place of a matrix.
 
 A rule is a sum of coefficients, each with a weight for every mode. A coefficient is a number, or a
-formula of the parameters of the system in which the structure stands.
+formula of the parameters of the system that contains the structure.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _ROUNDED = 4.0 * np.finfo(float).eps  # of a sum of magnitudes, what may be roun
 
 @dataclass(frozen=True)
 class ProportionalDamping:
-    """Rayleigh's damping, C = α M + β K.
+    """Rayleigh damping, C = α M + β K.
 
     Attributes
     ----------
     alpha, beta : float or str
-        At least zero; α in 1/time, β in time. A text is a formula of parameters of the system.
+        Nonnegative; α in 1/time, β in time. A string is a formula of parameters of the system.
 
     Raises
     ------
     DeclarationError
-        If one of them is negative, or neither a number nor a text.
+        If one of them is negative, or neither a number nor a formula.
     """
 
     alpha: Coefficient
@@ -44,7 +44,7 @@ class ProportionalDamping:
             object.__setattr__(self, name, _coefficient(getattr(self, name), f"damping.{name}"))
 
     def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
-        """Coefficients, and what each is multiplied by in each mode of unit mass, shape (n,).
+        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
 
         Parameters
         ----------
@@ -70,26 +70,26 @@ class ProportionalDamping:
         return alpha + beta * squares
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"alpha": self.alpha, "beta": self.beta}
 
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """Parts of critical damping, mode by mode: a mode with angular frequency ω has the damping
-    2ζω for each unit of its mass.
+    """Damping as a fraction of critical damping, mode by mode: a mode with angular frequency ω has
+    the damping 2ζω per unit of modal mass.
 
     Attributes
     ----------
     ratios : float, str, or sequence of these
-        ζ of the modes, in the order of their frequencies; the last one holds for all further modes,
-        so that one number is the ratio of all. A text is a formula of parameters of the system, as
-        in ``ModalDamping("zeta")``.
+        ζ of the modes, in order of frequency; the last one applies to all further modes, so a
+        single number applies to all. A string is a formula of parameters of the system, as in
+        ``ModalDamping("zeta")``.
 
     Raises
     ------
     DeclarationError
-        If a ratio is negative, or neither a number nor a text.
+        If a ratio is negative, or neither a number nor a formula.
 
     Examples
     --------
@@ -116,7 +116,7 @@ class ModalDamping:
         object.__setattr__(self, "ratios", ratios)
 
     def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
-        """Coefficients, and what each is multiplied by in each mode of unit mass, shape (n,).
+        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
 
         Parameters
         ----------
@@ -148,11 +148,11 @@ class ModalDamping:
         return cast("tuple[Coefficient, ...]", self.ratios)
 
     def _each(self, count: int) -> AnyArray:
-        """Which ratio is that of each mode."""
+        """Index of the ratio of each mode."""
         return np.minimum(np.arange(count), len(self._listed) - 1)
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"ratios": self.ratios}
 
 
@@ -189,7 +189,7 @@ def damping_of_shapes(damping: Array, shapes: Array) -> Array:
 
 
 def _numbers(coefficients: Sequence[Coefficient]) -> list[float]:
-    """Coefficients that are numbers.
+    """The coefficients as numbers.
 
     Raises
     ------
@@ -201,9 +201,9 @@ def _numbers(coefficients: Sequence[Coefficient]) -> list[float]:
         if isinstance(coefficient, str):
             raise DeclarationError(
                 "damping",
-                f"'{short(coefficient)}' is a formula of parameters, which a structure alone has "
-                "no values of",
-                "Give a number, or ask a system in which it stands",
+                f"'{short(coefficient)}' is a formula of parameters, which have no values outside "
+                "a system",
+                "Give a number, or use the structure in a system",
             )
         found.append(coefficient)
     return found
@@ -216,8 +216,10 @@ def _coefficient(value: object, where: str) -> Coefficient:
         raise DeclarationError(
             where,
             f"'{short(str(value))}' is not a finite number",
-            'Give a number, or a formula of parameters, like "zeta"',
+            'Give a finite number, or a formula of parameters, like "zeta"',
         )
     if value < 0.0:
-        raise DeclarationError(where, f"{value:g} would feed energy in", "Damping is at least zero")
+        raise DeclarationError(
+            where, f"{value:g} is negative and would create energy", "Give a value >= 0"
+        )
     return float(value)

@@ -211,7 +211,7 @@ def test_unknowns_of_a_structure_relative_to_each_other() -> None:
 
 def test_what_does_not_swing() -> None:
     creeping = ss.ring_down(RUBBING, initial={"x": 1.0}, parameters={"F": 0.0, "c": 3.0})
-    assert not creeping.stops and "does not swing" in creeping.message
+    assert not creeping.stops and "does not oscillate" in creeping.message
     held = ss.ring_down(RUBBING, initial={"x": 0.5})
     for decay in (creeping, held):
         assert len(decay) == 0 and not decay.outcome.ok and not decay.summary().good
@@ -250,7 +250,7 @@ SHAKEN = spring_and_mass(contacts={"floor": ss.Contact("d_x", "F", "F*cos(t)")})
     [
         ({"system": DRIVEN}, "drive 'force'"),
         ({"system": SHAKEN}, "depends on time"),
-        ({"of": "y"}, "there is no 'y'"),
+        ({"of": "y"}, "unknown quantity 'y'"),
         ({"of": "max(x, 0)"}, "kinks"),
         ({"of": "friction_floor*x"}, "may jump"),
         (

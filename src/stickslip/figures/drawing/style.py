@@ -223,7 +223,7 @@ def new_figure(width: float, height: float) -> Figure:
 def root_of(axes: Axes) -> Figure:
     """The figure that axes belong to, also where they are in a part of it."""
     figure = axes.get_figure(root=True)
-    assert figure is not None, "axes that were removed from their figure"
+    assert figure is not None, "the axes were removed from their figure"
     return figure
 
 
@@ -248,7 +248,7 @@ def symbol(name: str) -> str:
 
 
 def symbol_or_formula(text: str) -> str:
-    """The name of a variable, or of an unknown, as mathtext; a formula of these as it is."""
+    """The name of a variable, or of an unknown, as mathtext; any other formula unchanged."""
     return symbol(text) if NAME.fullmatch(text) or is_entry(text) else text
 
 

@@ -129,7 +129,6 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     flow : Flow
         Receives them.
     mode : array of int, shape (contacts,)
-    group, rank : int
     """
     rows = flow.rows
     space = flow.space
@@ -164,9 +163,7 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
-    group, rank : int
     fastest : float
         The speed of the contact that it moves most.
     """
@@ -192,7 +189,6 @@ def holds_until(
     flow : Flow
         With control points of the whole in its work space.
     mode : array of int, shape (contacts,)
-    group, rank, d : int
     end : float
         Where to stop.
     lack : float
@@ -241,7 +237,6 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     flow : Flow
         With the coefficients and the powers of the step; receives the control points.
     mode : array of int, shape (contacts,)
-    group : int
     """
     rows = flow.rows
     space = flow.space
@@ -273,11 +268,9 @@ def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float)
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     group, d : int
         The contacts, and the degree.
-    a, b : float
     """
     rows = flow.rows
     points, piece = flow.space.points, flow.space.piece
@@ -295,12 +288,9 @@ def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> No
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
-    group : int
     table : array
         Control points of forces, then of radii.
-    i : int
     """
     rows = flow.rows
     aside = flow.space.aside
@@ -317,10 +307,8 @@ def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) 
 
     Parameters
     ----------
-    source, target : arrays
     row, d : int
         The row of the polynomial in both, and its degree.
-    a, b : float
     """
     points = target[row]
     for i in range(d + 1):
@@ -374,7 +362,6 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
     mode : array of int, shape (contacts,)
     first, d : int
         The first contact of them, and the degree.
-    least : float
     """
     group = flow.rows.group[first]
     rank = grip(flow, mode, flow.space.W, group)[1]

@@ -145,7 +145,6 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
-    group : int
     """
     rows = flow.rows
     basis, grips = flow.space.basis, flow.space.grip
@@ -204,7 +203,6 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
-    group : int
     """
     rows = flow.rows
     basis = flow.space.basis

@@ -36,7 +36,7 @@ _REFINED = 6  # times; a value beside an extremum is known to the square of that
 _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
 _CUT_TIMES = 26  # at most: until a kink is known
-_SINGULAR = 1e-10  # part of the largest value from which on rounding errors count
+_SINGULAR = 1e-10  # largest rounding error, relative to the largest value
 _ROUNDING = 1e-14  # part of the largest value by which values differ that are the same
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
@@ -50,7 +50,6 @@ class LinearForm:
 
     Attributes
     ----------
-    weights : dict of str to float
     rest : Expr
         Of t and parameters.
     """
@@ -63,14 +62,7 @@ def linear_form(
     state: Iterable[str], parameters: Mapping[str, float], formula: Expr
 ) -> LinearForm | None:
     """A formula as a linear form of the state; None if it is none, or not with constant
-    coefficients.
-
-    Parameters
-    ----------
-    state : iterable of str
-    parameters : mapping of str to float
-    formula : Expr
-    """
+    coefficients."""
     felt = sorted(formula.symbols - parameters.keys() - {"t"})
     if not set(state).issuperset(felt) or ex.bends(formula, felt):
         return None
@@ -93,12 +85,7 @@ def extrema(motion: Trajectory, formulas: Mapping[str, Expr] | None = None) -> E
 
     Parameters
     ----------
-    motion : Trajectory
     formulas : mapping of str to Expr, optional
-
-    Returns
-    -------
-    dict of str to (float, float)
     """
     forms: dict[str, LinearForm] = {}
     if formulas is None:
@@ -249,7 +236,6 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         One period.
     shift : array, shape (n,)
         Of the state, in that period.
-    order : int
 
     Returns
     -------
@@ -275,10 +261,8 @@ def harmonics_of(
     ----------
     motion : Trajectory
         One period.
-    formulas : mapping of str to Expr
     of_state : mapping of str to complex
         Harmonics of all parts of the state.
-    order : int
     """
     found: dict[str, complex] = {}
     left: dict[str, Expr] = {}
@@ -316,11 +300,9 @@ def _wave(
 
     Parameters
     ----------
-    motion : Trajectory
     values : callable
         Times, and steps in which they are -> functions, shape (times, functions).
     shift : array, shape (functions,)
-    order : int
     kinks : pair of arrays, optional
         Of the functions, see :func:`_kinks`.
     """
@@ -336,11 +318,11 @@ def _wave(
 
 def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Array, float] | None:
     """The same of a motion whose pieces are linear, y' = A y + g(t), however fast its modes are;
-    None if one is not, or if one of its own frequencies is Ω.
+    None if one is not, or if one of its natural frequencies is Ω.
 
     By parts, (iΩ − A) ∫ y exp(−iΩt) dt = ∫ g exp(−iΩt) dt − [y exp(−iΩt)] in each step, where g is
-    as smooth as the loads are. A free mode whose damping is cancelled, as in a backbone before
-    anything slips, makes the matrix singular.
+    as smooth as the loads are. A free mode without damping, as in a backbone before any contact
+    slips, makes the matrix singular.
     """
     k, problem = motion.knots, motion._problem
     pieces = Pieces(problem.compiled.equations)
@@ -460,7 +442,6 @@ def _averaged(
 
     Parameters
     ----------
-    motion : Trajectory
     values : callable
         Times, and steps in which they are -> f, shape (times, functions), and w, shape (times,).
     order : int

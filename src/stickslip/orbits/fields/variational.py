@@ -69,11 +69,10 @@ class Variation:
     ----------
     after : array, shape (knots, m, directions)
         How (state, p) right after each knot changes with the first one, in the directions that were
-        asked for; m is the number of states and of free parameters. Not a number between switches
-        where that was not wanted.
+        asked for; m is the number of states and of free parameters. May be NaN between switches
+        if these values were not needed.
     late : array, shape (knots, directions)
         How the time of the event at each knot changes; not a number where there is none.
-    made : list of Piece
     piece : array of int, shape (knots,)
         Which of them the step is in that begins at each knot.
     corners, grazings : tuple of float
@@ -117,7 +116,6 @@ def variation(
 
     Parameters
     ----------
-    trajectory : Trajectory
     pieces : Pieces
         Smooth pieces of its system; their free parameters p are differentiated for, too.
     directions : array, shape (m, directions), optional
@@ -125,12 +123,8 @@ def variation(
         constraints of the first mode: what sticks is not pushed, what slides without mass stays on
         its threshold.
     between : bool
-        Whether changes are wanted at all knots; if not, they may be not numbers but where pieces
+        Whether changes are needed at all knots; if False, they may be NaN except where pieces
         begin, and at the end.
-
-    Returns
-    -------
-    Variation
     """
     run = _prepared(trajectory, pieces, directions, 1 if between else 2)
     listed = pieces.listed

@@ -91,8 +91,6 @@ def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[
 
     Parameters
     ----------
-    problem : Problem
-    start, end : float
     states : array, shape (motions, n)
     """
     from stickslip.motion.ensemble import Lanes
@@ -194,8 +192,6 @@ def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes:
     ----------
     part : float
         See :class:`Station`.
-    piece : Piece
-    t : float
     y : array, shape (n,)
     p : array, shape (parameters,)
     sizes : array, shape (n,)
@@ -220,11 +216,9 @@ class Leg:
         Parts of the period.
     place : Place
         Where it starts.
-    motion : Trajectory
     change : Variation
         Its directions are those of the station's coordinates, then a later start, then the
-        parameter. Between switches it may be unknown.
-    pieces : Pieces
+        parameter. Between switches it may be NaN.
     rate : array
         Rates at its end.
     """
@@ -239,7 +233,7 @@ class Leg:
 
     @cached_property
     def varied(self) -> Variation:
-        """The same with what is between switches."""
+        """The change with its values between switches."""
         if not np.any(np.isnan(self.change.after[:, 0])):
             return self.change
         return variation(self.motion, self.pieces, self.change.after[0])
@@ -260,7 +254,6 @@ class Setting:
 
     Attributes
     ----------
-    symmetry : Symmetry
     surroundings : Surroundings
         With which the symmetry is found for other parameters.
     clock : Clock or None
@@ -313,11 +306,8 @@ class Orbit:
     ----------
     x : array
         Unknowns: coordinates of all stations, period, drifts, and the parameter if it is free.
-    problem : Problem
-    period : float
     shift : array, shape (n,)
         State one period later minus state.
-    legs : list of Leg
     F, J : arrays
         Residual and derivative.
     """
@@ -361,13 +351,10 @@ class Shooting:
 
     Parameters
     ----------
-    problem : Problem
     pieces : Pieces
         With the free parameter, if there is one; it is then the last component of x.
-    stations : sequence of Station
     start : float
         Time of the first station.
-    setting : Setting
     """
 
     def __init__(

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
-_NOTHING = 1e-12  # of the sum of its terms: an unknown that is zero up to rounding
+_NOTHING = 1e-12  # an unknown below this part of the sum of its terms is zero
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
 
 
@@ -49,10 +49,8 @@ class Sensitivity:
 
     Attributes
     ----------
-    trajectory : Trajectory
     names : tuple of str
         Parameters, and components of the state for their initial values.
-    observed : tuple of str
     times : array, shape (times,)
     values : array, shape (quantities, times)
         The quantities themselves (right limits where they jump).
@@ -88,7 +86,6 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 
     Parameters
     ----------
-    found : Sensitivity
     compared : bool
         Whether differences of motions stand beside them.
     """
@@ -156,7 +153,6 @@ def sensitivities(
 
     Parameters
     ----------
-    trajectory : Trajectory
     names : sequence of str
         Parameters; and components of the state, or unknowns of structures, for their initial
         values. Without any, only the quantities are told.
@@ -169,10 +165,6 @@ def sensitivities(
         long as the motion.
     start : array, shape (states, names), optional
         How the initial state changes with each name besides: where it is a function of parameters.
-
-    Returns
-    -------
-    Sensitivity
 
     Raises
     ------
@@ -213,7 +205,8 @@ def follow(
     trajectory, fine : Trajectory
         The motion, and the same with more knots, at which the variation is told.
     names : sequence of str
-        Parameters; and components of the state, for their initial values.
+        Parameters; and components of the state, or unknowns of structures, for their initial
+        values.
     start, touching
         As of :func:`sensitivities`.
 
@@ -237,7 +230,9 @@ def follow(
     refused = _begin(trajectory, pieces, directions)
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
-    missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
+    missing += [
+        (t, "events coincide that are separate in neighbouring motions") for t in found.corners
+    ]
     missing += [(t, found.reasons.get(t, TOUCHED)) for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
@@ -245,12 +240,13 @@ def follow(
 
 
 def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
-    """How the first state, or a parameter, changes with what has a name.
+    """Derivative of the first state, or of the parameters, with respect to an initial value, or a
+    parameter, by name.
 
     Raises
     ------
     DeclarationError
-        If nothing has it.
+        If the name is unknown.
     """
     if name in trajectory.parameters:
         return {name: 1.0}
@@ -259,7 +255,7 @@ def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
         known = [*trajectory.parameters, *trajectory.system.declaration.state]
         raise DeclarationError(
             f"sensitivity: {name}",
-            "no parameter, and no part of the state, has this name",
+            "unknown parameter or part of the state",
             suggestion(name, known),
         )
     return slope
@@ -278,7 +274,6 @@ def at_events(
 
     Parameters
     ----------
-    trajectory : Trajectory
     events : array of int, shape (events,)
         Their knots, at which the state does not jump.
     names : sequence of str
@@ -305,7 +300,7 @@ def at_events(
         raise DeclarationError(
             "events",
             f"the state jumps in the impact at t = {when:.9g}",
-            "Observe only the times of impacts",
+            "Use the times of impacts only",
         )
     found, missing = follow(trajectory, trajectory, names, start, touching)
     equations = trajectory._problem.compiled.equations
@@ -341,7 +336,7 @@ def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Arr
     when = np.atleast_1d(np.asarray(times, float))
     if when.ndim != 1 or not np.all((when >= first) & (when <= last)):
         raise DeclarationError(
-            "times", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+            "times", "a time is outside the computed time span", f"Use {first:g} <= t <= {last:g}"
         )
     return when
 
@@ -409,7 +404,6 @@ def _begins_at_boundary(
 
     Parameters
     ----------
-    pieces : Pieces
     piece : Piece
         The first one.
     at : float, array, array
@@ -436,7 +430,7 @@ def _begins_at_boundary(
         other = -piece.field.mode[contact] if reverse else guard.to
         beyond = pieces(*piece.switched(guard.switch, other)).rates(t, y, p)
         if np.max(np.abs(beyond - here.rates)) > _KEEPS * np.max(np.abs(here.rates)):
-            return "it begins on a boundary, on the other side of which rates are others"
+            return "it begins on a boundary at which the rates are discontinuous"
     return ""
 
 
@@ -497,8 +491,6 @@ def _gathered(
         Names, and quantities.
     where : arrays, shape (times,)
         Times, and their knots.
-    found : Variation
-    missing : list of (float, str)
     """
     names, observed = asked
     when, place = where
@@ -528,10 +520,6 @@ def _gathered(
 def second_opinion(found: Sensitivity) -> Array:
     """The same derivatives of the state at the end of the motion, by Richardson's extrapolation of
     differences of motions; not a number where such motions do not come to the end.
-
-    Parameters
-    ----------
-    found : Sensitivity
 
     Returns
     -------

@@ -56,7 +56,7 @@ _STRONGEST = 20.0  # growth rate of the guess, in a period
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
-_UNMOVED = 1e-12  # of the sum of its terms: a part that is rounding
+_UNMOVED = 1e-12  # a smaller part of the sum of the terms is rounding error
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
 
 
@@ -66,7 +66,6 @@ class AtAmplitude:
 
     Attributes
     ----------
-    cycle : Cycle
     amplitude, measured : float
         What was wanted, and what it has.
     """
@@ -83,15 +82,13 @@ class Amplitudes:
     ----------
     system : System
         A self-excited one.
-    values : mapping of str to float
-    mode : LinearMode
     swinging : Swinging
         Whose amplitude it is.
 
     Raises
     ------
     DeclarationError
-        If small swings of the mode do not move that.
+        If small oscillations of the mode do not change the quantity.
     """
 
     def __init__(
@@ -112,7 +109,7 @@ class Amplitudes:
         return 0.5 * (high - low)
 
     def _share(self) -> float:
-        """Amplitude of what swings where that of the mode is small, as a part of it."""
+        """Amplitude of the quantity relative to that of the mode, for small amplitudes."""
         mode, n = self.mode, len(self.mode.shape)
         names = self.system.declaration.inertial
         rest = dict(zip(names, map(float, mode.rest), strict=True))
@@ -126,9 +123,9 @@ class Amplitudes:
         if not share > _UNMOVED * size:
             raise DeclarationError(
                 "of",
-                f"small swings of the mode at {mode.frequency:.6g} do not move "
-                f"'{short(self.swinging.name)}'",
-                "Follow something else, or another mode",
+                f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "
+                f"change '{short(self.swinging.name)}'",
+                "Choose another quantity, or another mode",
             )
         return float(np.copysign(share, by_place))
 
@@ -180,7 +177,7 @@ class Amplitudes:
                 raise ConvergenceError(
                     f"a backbone of {self.system.name}",
                     "the motion comes to rest within a period",
-                    "Give larger amplitudes",
+                    "Choose larger amplitudes",
                 )
         problem = self.problem.at(EXCITATION, excitation)
         motion = follow_state(problem, 0.0, 2.5 * period, y)
@@ -229,9 +226,9 @@ class Amplitudes:
         if not miss <= CLOSED:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                f"Newton's method did not converge at the amplitude {amplitude:.6g}; the nearest "
-                f"motion misses by {miss:.2g}",
-                "Give another range of amplitudes, or start elsewhere in it",
+                f"Newton's method did not converge at the amplitude {amplitude:.6g}; the closest "
+                f"motion fails to close by {miss:.2g}",
+                "Choose another range of amplitudes",
             )
         _check(shooting, orbit)
         return shooting, orbit
@@ -265,7 +262,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"no cycle was found: the excitation became {x[-1]:.4g}",
-                "Give other amplitudes",
+                "Choose other amplitudes",
             )
         return shooting.orbit(x)
 
@@ -326,8 +323,8 @@ class Amplitudes:
         if not np.all(np.isfinite(orbit.J)):
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                "the cycle has no derivative",
-                "Give more points, or other amplitudes",
+                "the cycle is not differentiable",
+                "Use more points, or other amplitudes",
             )
         tangent = np.linalg.svd(orbit.J * units)[2][-1]
         slope = float((self.slopes(shooting, orbit) * units) @ tangent)
@@ -335,7 +332,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"the amplitude of {self.swinging.name} does not change along it",
-                "Follow something else",
+                "Choose another quantity",
             )
         return tangent, slope
 
@@ -349,7 +346,6 @@ class Amplitudes:
 
         Parameters
         ----------
-        first : (Shooting, Orbit)
         amplitudes : array
             In the order in which they are taken.
         found : callable
@@ -392,7 +388,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"at the amplitude {aim:.6g} only a cycle of period {new[1].period:.6g} was found",
-                "Give more points",
+                "Use more points",
             )
         return self._certified(*new)
 
@@ -402,8 +398,8 @@ class Amplitudes:
         if not certificate.ok:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                f"the cycle that was found is {certificate.verdict}",
-                "Give more points, or other amplitudes",
+                f"the cycle found is {certificate.verdict}",
+                "Use more points, or other amplitudes",
             )
         return shooting, orbit
 
@@ -427,13 +423,15 @@ def _check(shooting: Shooting, orbit: Orbit) -> None:
         k = leg.motion.knots
         a = segments(leg.motion)[0][0]
         if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
-            raise ConvergenceError("a backbone", "the cycle starts in another mode", "Step less")
+            raise ConvergenceError(
+                "a backbone", "the cycle starts in another mode", "Use smaller steps"
+            )
     if shooting.miss(orbit) > NOT_CLOSED:
-        raise ConvergenceError("a backbone", "the cycle ends in another mode", "Step less")
+        raise ConvergenceError("a backbone", "the cycle ends in another mode", "Use smaller steps")
 
 
 def _ends(motion: Trajectory, along: ValuesAndRates) -> tuple[float, float, tuple[float, float]]:
-    """Least and largest value of what swings, and when they are reached."""
+    """Least and largest value of an oscillating quantity, and when they are reached."""
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     share = np.linspace(0.0, 1.0, _SAMPLES)

@@ -1,5 +1,5 @@
-"""What the swings of a study are those of: a smooth formula of places and velocities, and its
-rate."""
+"""The oscillating quantity of a backbone or a ring-down: a smooth formula of positions and
+velocities, and its rate."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ ValuesAndRates = Callable[[Array, AnyArray], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Swinging:
-    """A function of the coordinates with mass and of their rates, without kinks.
+    """A function of the inertial coordinates and their rates, without kinks.
 
     Attributes
     ----------
     name : str
         A coordinate, an unknown of a structure, an output, or a formula of these.
     value, rate : Expr
-        The function and its derivative by time, of what results show.
+        The function and its time derivative, in terms of the variables of results.
     state : tuple of str
         Names of the state.
     row, rates : array, shape (states,), or None
-        Where it is a linear form of places with constant coefficients: these, and those of its
-        rate.
+        Coefficients of the function and of its rate, if it is a linear form of positions with
+        constant coefficients.
     offset : float
-        What is added to such a form.
+        Constant that is added to the linear form.
     """
 
     name: str
@@ -48,12 +48,7 @@ class Swinging:
     offset: float = 0.0
 
     def along(self, motion: Trajectory) -> ValuesAndRates:
-        """Values and rates at times since the origin, within the steps of knots.
-
-        Parameters
-        ----------
-        motion : Trajectory
-        """
+        """Values and rates at times since the origin, within the steps of knots."""
         row, rates, offset = self.row, self.rates, self.offset
         if row is not None and rates is not None:
 
@@ -69,21 +64,15 @@ class Swinging:
             if not np.all(np.isfinite(found)):
                 raise DeclarationError(
                     "of",
-                    f"'{short(self.name)}', or its rate, is undefined on the way",
-                    "Follow what is a number everywhere",
+                    f"'{short(self.name)}', or its rate, becomes undefined during the motion",
+                    "Choose a formula that is defined everywhere",
                 )
             return found[:, 0], found[:, 1]
 
         return computed
 
     def gradient(self, state: Array, parameters: Mapping[str, float]) -> Array:
-        """Derivatives by the state, shape (states,).
-
-        Parameters
-        ----------
-        state : array, shape (states,)
-        parameters : mapping of str to float
-        """
+        """Derivatives with respect to the state, shape (states,)."""
         if self.row is not None:
             return self.row
         slopes = [ex.derivative(self.value, x) for x in self.state]
@@ -92,11 +81,10 @@ class Swinging:
 
 
 def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -> Swinging:
-    """Whose swings are asked for.
+    """Read the oscillating quantity of a study.
 
     Parameters
     ----------
-    system : System
     of : str or None
         By default the first inertial coordinate, or the first unknown of a structure.
     values : mapping of str to float
@@ -105,8 +93,8 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
     Raises
     ------
     DeclarationError
-        If it is neither a name nor a formula of what results show, or not a smooth function of
-        places and velocities alone.
+        If it is neither a name nor a formula of variables of results, or not a smooth function of
+        positions and velocities only.
     """
     declared = system.declaration
     inertial = list(declared.inertial)
@@ -115,7 +103,7 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
     known = [*usual, *(inertial if not usual else []), *system.outputs]
     if not inertial:
         raise DeclarationError(
-            system.name, "no coordinate has a mass", "Give an inertial coordinate that swings"
+            system.name, "no coordinate has a mass", "Declare an inertial coordinate"
         )
     name = known[0] if of is None else of
     formula = read_formula(system, name, "of")
@@ -141,13 +129,13 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
 
 
 def _refused(system: System, felt: list[str], rates: Mapping[str, str]) -> str:
-    """Why a formula of some names has no swings; empty if it may have."""
+    """Reason why a formula of some names is refused; empty if it is accepted."""
     others = [x for x in felt if x not in rates]
     if "t" in others:
-        return "it depends on time by itself"
+        return "it depends explicitly on time"
     if others:
         massless = {*system.declaration.state, *(f"d_{x}" for x in system.declaration.coordinates)}
         if others[0] in massless:
-            return f"{others[0]} has no mass: it does not swing by itself"
-        return f"{others[0]} may jump: only places and velocities swing"
-    return "" if felt else "it does not move"
+            return f"{others[0]} has no mass and does not oscillate by itself"
+        return f"{others[0]} may jump; only positions and velocities are allowed"
+    return "" if felt else "it is constant"

@@ -1,4 +1,4 @@
-"""Turning points of what swings: where its velocity changes its sign, or it comes to rest.
+"""Turning points of an oscillating quantity: its velocity changes sign, or it comes to rest.
 
 Between two knots a motion is smooth. It is sampled there until the cubic through neighbouring
 positions and velocities meets the motion between them, so that no swing is stepped over; the roots
@@ -29,13 +29,12 @@ _ROOT = 4.0 * np.finfo(float).eps  # relative
 
 @dataclass(frozen=True)
 class SwingTrace:
-    """Something that swings along a motion.
+    """An oscillating quantity along a motion.
 
     Attributes
     ----------
-    motion : Trajectory
     along : callable
-        Its values and rates at times since the origin, within the steps of knots.
+        Values and rates of the quantity at times since the origin, within the steps of knots.
     """
 
     motion: Trajectory
@@ -62,7 +61,7 @@ class SwingTrace:
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Where something turns.
+    """Where a quantity turns.
 
     Attributes
     ----------
@@ -89,12 +88,7 @@ class TurningPoints:
 
 
 def turning_points(followed: SwingTrace) -> TurningPoints:
-    """All turning points of what swings, in their order.
-
-    Parameters
-    ----------
-    followed : SwingTrace
-    """
+    """All turning points of an oscillating quantity, in their order."""
     k = followed.motion.knots
     step, clock, x, v = _samples(followed)
     largest = float(np.max(np.abs(v), initial=0.0))

@@ -45,10 +45,11 @@ PADE_REACH = 1.5
 """Largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 rounding there."""
 MANY = 8
-"""Collocation steps that one step by eigenvalues is worth, with its share of their computation."""
+"""Collocation steps that cost as much as one step by eigenvalues, including a part of the
+decomposition."""
 LARGE = 16
-"""States from which on one that is longer than a collocation step is worth it: the exponential of a
-matrix takes several times as long."""
+"""Number of states from which every step longer than a collocation step is taken by eigenvalues,
+because the exponential of a matrix costs several times as much."""
 _SMOOTH = 0.25  # largest frequency of the loads × step of an interpolation
 _FINE = 24  # Gauss nodes by which integrals of slow exponentials are found
 _FAST = 12.0  # |z| from which on they follow from a recurrence
@@ -146,7 +147,6 @@ def modal_component(
 
     Parameters
     ----------
-    listed : Listed
     w, b : int
         The piece, and the eigenvector.
     values : array, shape (places, LANES)
@@ -167,16 +167,7 @@ def modal_component(
 
 @compiled(brief=True)
 def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int, until: int) -> None:
-    """Put what each parameter adds between two knots, in eigenvectors, into `driven`.
-
-    Parameters
-    ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
-    i, until : int
-        The knots.
-    """
+    """Put what each parameter adds between two knots, in eigenvectors, into `driven`."""
     s = listed.spectra
     w = run.piece[i]
     n = len(run.knots.state[i])
@@ -218,13 +209,10 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, until: int, pa
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
-        With the moments for equal parts of the time between them.
+        With the moments for equal parts of the time between the knots.
     i, until : int
         The knots.
-    parts : int
     """
     s = listed.spectra
     w = run.piece[i]
@@ -266,8 +254,6 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
         At a time of the piece.
     w, p : int
@@ -327,8 +313,6 @@ def add_through_state(
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
         With the loads between them.
     i, until : int
@@ -378,9 +362,6 @@ def modal_step(
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
     i, until : int
         The knots.
     change : array, shape (columns, directions)

@@ -98,7 +98,6 @@ class Listed(NamedTuple):
 
     Attributes
     ----------
-    made : Instructions
     slopes, guards : arrays of int, shape (pieces, 3)
         Which of them give the Jacobian, and rates and guards with their slopes: the first that is
         the same for all points, the first that is not, and the end.
@@ -115,7 +114,6 @@ class Listed(NamedTuple):
         1 where the Jacobian is the same at all states.
     timely : array of int, shape (pieces,)
         1 where derivatives of the rates by the free parameters depend on time alone.
-    spectra : Spectra
     """
 
     made: Instructions
@@ -145,8 +143,8 @@ class Pass(NamedTuple):
     drives : float
         Largest frequency of the loads.
     modal : int
-        1 if steps may be taken by eigenvalues, 2 if several of a piece may be taken as one: changes
-        in between are no numbers then.
+        1 if steps may be taken by eigenvalues, 2 if several steps of a piece may be taken as one;
+        the changes in between are then NaN.
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
@@ -221,10 +219,8 @@ class PassSpace(NamedTuple):
     load : array, shape (2, STAGES)
     places : array of int, shape (states,)
     system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
-    here, around : Leave
     usual : array, shape (guards,)
     others : array of int, shape (guards,)
-    between : Scratch
     """
 
     values: Matrix
@@ -258,13 +254,10 @@ def room_for_pass(
 
     Parameters
     ----------
-    listed : Listed
     places : int
         In the table of values.
-    nodes : int
     shape : (int, int)
         Columns and directions.
-    between : Scratch
     """
     columns, directions = shape
     guards = listed.switches.shape[1]

@@ -50,10 +50,6 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
-    i : int
     node : int
         The first of its nodes.
     """
@@ -92,18 +88,8 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
 
 @compiled()
 def last_alike(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> int:
-    """The knot up to which the motion is taken in one step by eigenvalues: where its piece ends,
-    if nobody asks for the changes in between; the next one otherwise.
-
-    Parameters
-    ----------
-    rows : Rows
-    listed : Listed
-    run : Pass
-    work : PassSpace
-    i : int
-        The knot from which it goes.
-    """
+    """The last knot of a step by eigenvalues from knot i: the end of the piece if the changes in
+    between are not needed, else the next knot."""
     last = i + 1
     if run.modal < 2 or not time_of(run, last) > time_of(run, i):
         return last
@@ -126,12 +112,8 @@ def vary(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Tolerances with which the motion is followed again between its knots.
-    listed : Listed
-    run : Pass
-    work : PassSpace
     start : int
         Knot. From the first one on, states are computed at the nodes.
 
@@ -170,7 +152,7 @@ def vary(
                     node += nodes_of(listed, run, i)
                     i += 1
                     for d in range(run.after.shape[2]):
-                        run.after[i, 0, d] = np.nan  # whatever is made of it
+                        run.after[i, 0, d] = np.nan  # unknown; results computed from it are NaN
             else:
                 flow_through(listed, run, work, i, node)
         node += nodes_of(listed, run, i)
