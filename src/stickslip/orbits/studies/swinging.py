@@ -28,8 +28,8 @@ class Swinging:
     ----------
     name : str
         A coordinate, an unknown of a structure, an output, or a formula of these.
-    value, rate : Expr
-        The function and its time derivative, in terms of the variables of results.
+    value : Expr
+        The function, in terms of the variables of results.
     state : tuple of str
         Names of the state.
     row, rates : array, shape (states,), or None
@@ -41,7 +41,6 @@ class Swinging:
 
     name: str
     value: Expr
-    rate: Expr
     state: tuple[str, ...]
     row: Array | None
     rates: Array | None
@@ -54,10 +53,14 @@ class Swinging:
 
             def linear(clock: Array, index: AnyArray) -> tuple[Array, Array]:
                 states = motion._states_on_clock(clock, index)
-                return states @ row + offset, states @ rates
+                values = states @ row
+                return values + offset if offset else values, states @ rates
 
             return linear
-        formulas = Along(motion, [self.value, self.rate])
+        names = _rates(motion.system)
+        felt = sorted(self.value.symbols & names.keys())
+        rate = ex.add(*((ex.derivative(self.value, x) * ex.sym(names[x]), 1.0) for x in felt))
+        formulas = Along(motion, [self.value, rate])
 
         def computed(clock: Array, index: AnyArray) -> tuple[Array, Array]:
             found = formulas.on_clock(clock, index)
@@ -110,26 +113,31 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
     if "t" in formula.symbols:
         zeros = {x: ex.ZERO for x, value in values.items() if value == 0.0}
         formula = ex.substitute(formula, zeros, undefined=True)
-    rates = {**{q: f"d_{q}" for q in inertial}, **{f"d_{q}": f"dd_{q}" for q in inertial}}
     felt = sorted(formula.symbols - values.keys())
-    reason = _refused(system, felt, rates)
+    reason = _refused(system, felt)
     if not reason and ex.bends(formula, felt):
         reason = "it has kinks or jumps"
     if reason:
         raise DeclarationError("of", f"'{short(name)}': {reason}", suggestion("", known))
-    rate = ex.add(*((ex.derivative(formula, x) * ex.sym(rates[x]), 1.0) for x in felt))
     state = tuple(declared.state)
     form = linear_form(inertial, values, formula)
     if form is None:
-        return Swinging(name, formula, rate, state, None, None)
+        return Swinging(name, formula, state, None, None)
     row, slope = np.zeros(len(state)), np.zeros(len(state))
     for x, weight in form.weights.items():
         row[declared.places[x]] = slope[declared.places[f"d_{x}"]] = weight
-    return Swinging(name, formula, rate, state, row, slope, ex.evaluate(form.rest, values))
+    return Swinging(name, formula, state, row, slope, ex.evaluate(form.rest, values))
 
 
-def _refused(system: System, felt: list[str], rates: Mapping[str, str]) -> str:
+def _rates(system: System) -> dict[str, str]:
+    """Names of the time derivatives of inertial coordinates and of their rates."""
+    inertial = system.declaration.inertial
+    return {**{q: f"d_{q}" for q in inertial}, **{f"d_{q}": f"dd_{q}" for q in inertial}}
+
+
+def _refused(system: System, felt: list[str]) -> str:
     """Reason why a formula of some names is refused; empty if it is accepted."""
+    rates = _rates(system)
     others = [x for x in felt if x not in rates]
     if "t" in others:
         return "it depends explicitly on time"
