@@ -221,7 +221,7 @@ def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
     the largest velocity before: what slowed down has the rounding errors of what it was."""
     if rows.plane[c] >= 0:
-        return is_at_rest(rows, space.W, rows.plane[c], 1.0)
+        return is_at_rest(rows, space.W, c, 1.0)
     return bool(abs(space.W[rows.u[c], 0]) <= ROUNDING * max(space.mag[c], largest))
 
 

@@ -84,7 +84,7 @@ def make_series(
     status = evaluate_mode(machine, flow, here, recent, near, span, hold)
     h = 0.0
     if status == OK:
-        h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
+        h = step_size(flow, lane.mode, flow.order, lane.seen, lane.clock[SERIES])
         h = min(h, room)
         passed = max(_PASSED * h, _ROUNDED * abs(t))
         h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))

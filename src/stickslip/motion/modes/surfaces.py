@@ -124,7 +124,7 @@ def release_or_hold(
                 slow += _WIDE * INSTANT * abs(at.t) * rate if rows.beside[c] == 1 else 0.0
         fast = abs(gap) > slow and not (sure and gapped)
         # Axes may make one direction of a plane much larger than another.
-        fast = fast and not (rows.plane[c] >= 0 and is_at_rest(rows, W, rows.plane[c], _WIDE))
+        fast = fast and not is_at_rest(rows, W, c, _WIDE)
         if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:

@@ -24,6 +24,7 @@ from stickslip.translator import compiled
 _MOST = max(ORDERS) // 2  # stages
 _RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
 _MOST_CORRECTIONS = 12  # iterations of Newton's method for each length
+_CONVERGES = 0.5  # factor by which corrections fall at least: a shorter step is cheaper than more
 _SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
 # part of a rounding error that is none, since what follows has to make up for it
 _NOTHING = 1.0 / 32.0
@@ -180,7 +181,7 @@ def solve_stages(
             know(flow, stages, step)
         before = now
         now = newton_step(flow, stages, seen)
-        if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
+        if not now < np.inf or (turn > 0 and now > 1.0 and now > _CONVERGES * before):
             return False
     return False
 

@@ -74,8 +74,8 @@ def length_at(rows: Rows, plane: Array, table: Array, k: int) -> float:
 
 
 @compiled(brief=True)
-def is_at_rest(rows: Rows, table: Array, p: int, loosely: float) -> bool:
-    """Whether a contact in a plane does not move, up to rounding.
+def is_at_rest(rows: Rows, table: Array, c: int, loosely: float) -> bool:
+    """Whether a contact in a plane does not move, up to rounding; not asked of one along a line.
 
     The tape of a mode asks the same where it makes a direction: what does not move begins to slip
     there, so it has to be able to stick first.
@@ -87,7 +87,9 @@ def is_at_rest(rows: Rows, table: Array, p: int, loosely: float) -> bool:
     loosely : float
         Factor of the rounding errors.
     """
-    plane = rows.planes[p]
+    if rows.plane[c] < 0:
+        return False
+    plane = plane_of(rows, c)
     return length_at(rows, plane, table, 0) <= loosely * ROUNDING * table[plane[AU_SIZE], 0]
 
 

@@ -27,11 +27,9 @@ from stickslip.motion.discs.tables import (
 )
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
-    AIM,
     AIM_SPEED,
     DIMENSION,
     EPSILON,
-    FORMULA,
     INERTIAL,
     INSTANT,
     LEAD,
@@ -74,7 +72,7 @@ _LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
 @compiled()
-def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
+def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> float:
     """Step for which the last two Taylor terms of rows are below tol times their size, or lost in
     rounding.
 
@@ -98,10 +96,9 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     far = FAINT * largest_within(W, 0, nq, 1, last / unit)
     slow = FAINT * largest_within(W, nq, nq, 1, last / unit)
     begins = False
-    planar = len(flow.rows.planes) > 0
     for i in range(len(rows)):
         r = rows[i]
-        if is_silent(flow.rows, W, r):
+        if is_silent(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
@@ -111,8 +108,8 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
             # component.
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
-        if planar and value == 0.0 and not seen[i] > 0.0:
-            # A slip in a plane may begin with no acceleration.
+        if value == 0.0 and not seen[i] > 0.0:
+            # A slip may begin with no acceleration.
             slope += abs(W[r, 2]) * (last / unit)
         size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])
         if i < 2 * nq:
@@ -152,23 +149,20 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
 
 
 @compiled()
-def is_silent(rows: Rows, W: Array, r: int) -> bool:
+def is_silent(rows: Rows, mode: Array, r: int) -> bool:
     """Whether a row is the room that forces in a plane have, while there is slip: zero, but for
     rounding errors.
 
     Parameters
     ----------
-    W : array
-        Values of the rows.
+    mode : array of int, shape (contacts,)
     r : int
         The row.
     """
+    silent = False
     for plane in rows.planes:
-        if r == plane[ADMISSIBLE]:
-            # What begins to slip has a direction, and no speed yet.
-            aimed = W[plane[AIM], 0] != 0.0 or W[plane[AIM] + 1, 0] != 0.0
-            return bool(W[plane[AIM_SPEED], 0] > 0.0 or (aimed and plane[FORMULA] < 0))
-    return False
+        silent = silent or (r == plane[ADMISSIBLE] and mode[plane[LEAD]] != 0)
+    return silent
 
 
 @compiled()
@@ -333,7 +327,7 @@ def expand(
     for _ in range(MOST_UNITS):
         coefficients(machine, flow, start, N, W)
         order = finite_order(W, n, N)
-        h = step_size(flow, order, seen, last)
+        h = step_size(flow, start.mode, order, seen, last)
         if order == N and suits(min(h, room), room, W[n, 1]):
             break
         W[n, 1] = better(min(h, room), W[n, 1]) if order == N else COARSER * W[n, 1]

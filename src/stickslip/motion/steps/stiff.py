@@ -54,7 +54,8 @@ from stickslip.motion.steps.radau import (
     to_legendre,
     to_powers,
 )
-from stickslip.motion.steps.sets import slip_speed, slips_with_mass
+from stickslip.motion.steps.response import begins_in
+from stickslip.motion.steps.sets import slip_speed
 from stickslip.motion.steps.step_size import (
     LEAST_SIZE,
     expand,
@@ -234,12 +235,12 @@ def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
             near = _AT_THE_END * room + INSTANT * abs(start.t)
             touches = touches or abs(end * unit - room) <= near
         else:
-            touches = touches or slips_with_mass(rows, start.mode, p)
+            touches = touches or begins_in(flow, p)
     if not touches:
         return False
     tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
     known = Flow(rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
-    return step_size(known, flow.order, seen, room) >= room
+    return step_size(known, start.mode, flow.order, seen, room) >= room
 
 
 @compiled()
