@@ -297,7 +297,7 @@ def measure_piece(
     give_directions(rows, mode, True)
     sharing = any_share(rows)
     if sharing:
-        find_shared(flow, mode, W, True)
+        find_shared(flow, mode, W)
     put_nodes(flow, piece, 0.0, piece.h)
     slopes_at_nodes(W, piece.order, space.nodes[n], space.samples[:n])
     for g in range(COUNT):
