@@ -140,35 +140,37 @@ def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> boo
         place_end(flow, -over)
         return True
     start, end = 0.0, 1.0
-    place, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
-    if fails and place == start:
+    proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
+    if fails == start:
         # What has just reached its limit is held if it is soon after.
         start = _SOON
-        place, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
-        if fails and place == start:
+        proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
+        if fails == start:
             load_at(flow, mode, group, d, start, lack)
             mark_moving(flow, mode, group, start)
             place_end(flow, 0.0)
             return True
     leaves = False
+    before = _JUST_BEFORE
     for _ in range(_MOST_CUTS):
-        if not fails:
+        if not fails <= end:
             break
-        end, found = first_failure(flow, mode, group, d, start, place, lack)
+        end, found = first_failure(flow, mode, group, d, proved, fails, lack)
         if found:
             mark_moving(flow, mode, group, end)
             place_end(flow, end)
             leaves = True
-        end *= 1.0 - _JUST_BEFORE
-        if not end > start:
+        end -= before * (end - start)
+        before *= 2.0
+        if not end > proved:
             break
-        place, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
-    if not fails and start < place < end:
+        proved, fails = turned_until(flow, mode, group, d, proved, end, _PROVED)
+    if not fails <= end and start < proved < end:
         # No more is proved: what rests is asked again there.
         for c in range(flow.rows.sizes[ON_INERTIAL]):
             if sticks_in(flow.rows, mode, c, group):
                 flow.space.leaving[c] = STAYS
-        place_end(flow, place)
+        place_end(flow, proved)
         leaves = True
     return leaves
 
@@ -355,8 +357,9 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
     turned = count > rank and turns(flow, mode, group)
     lack = least
     while lack < 1.0:
+        fails = False
         if turned:
-            place, fails = turned_until(flow, mode, group, d, 0.0, 1.0, lack)
+            place, _ = turned_until(flow, mode, group, d, 0.0, 1.0, lack)
         else:
             place, fails = holds_until(flow, mode, group, rank, d, 1.0, lack)
         if place >= 1.0 and not fails:

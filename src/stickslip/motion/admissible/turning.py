@@ -144,9 +144,9 @@ def find_held(
 @compiled(brief=True)
 def turned_until(
     flow: Flow, mode: Array, group: int, d: int, start: float, end: float, lack: float
-) -> tuple[float, bool]:
-    """How far it is proved that forces can be held while directions turn; and whether they cannot
-    at the end of what comes next.
+) -> tuple[float, float]:
+    """How far it is proved that forces can be held while directions turn, and a place behind where
+    they cannot; infinite if none was met.
 
     Parameters
     ----------
@@ -158,26 +158,18 @@ def turned_until(
         Where to begin, and where to stop, in parts of the step.
     lack : float
         Part of the forces that may be missing.
-
-    Returns
-    -------
-    place : float
-        `end`, if all is proved; else a place where the forces cannot be held, or up to which they
-        can.
-    fails : bool
-        Which of both.
     """
     aside = flow.space.aside
     a = start
     length = end - start
     if not find_held(flow, mode, group, d, a, lack, _BEFORE):
-        return a, True
+        return a, a
     for _ in range(MOST_PIECES):
         if not a < end:
-            return end, False
+            break
         b = end if a + 1.01 * length >= end else a + length
         if not find_held(flow, mode, group, d, b, lack, _AFTER):
-            return b, True
+            return a, b
         if holds_between(flow, mode, group, d, a, b, lack):
             a = b
             length *= 2.0
@@ -187,7 +179,7 @@ def turned_until(
             length = 0.5 * (b - a)
             if length < SHORTEST * end:
                 break
-    return a, False
+    return a, math.inf
 
 
 @compiled(brief=True)
