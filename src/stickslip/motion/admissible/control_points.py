@@ -11,7 +11,7 @@ from stickslip.motion.steps.sets import holds_all, radius_at
 from stickslip.translator import compiled
 
 # Pieces of a step that are tried, and their least length, in parts of it.
-MOST_PIECES, SHORTEST = 200, 1e-5
+MOST_CUTS_OF_A_STEP, LEAST_PIECE = 200, 1e-5
 
 
 @compiled(brief=True)

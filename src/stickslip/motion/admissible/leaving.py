@@ -12,8 +12,8 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.control_points import (
-    MOST_PIECES,
-    SHORTEST,
+    MOST_CUTS_OF_A_STEP,
+    LEAST_PIECE,
     place_piece,
     place_point,
     place_polynomials,
@@ -283,7 +283,7 @@ def holds_until(
     """
     a = 0.0
     length = end
-    for _ in range(MOST_PIECES):
+    for _ in range(MOST_CUTS_OF_A_STEP):
         if not a < end:
             return end, False
         b = end if a + 1.01 * length >= end else a + length
@@ -301,13 +301,9 @@ def holds_until(
             length *= 2.0
         else:
             length = 0.5 * (b - a)
-            if length < SHORTEST * end:
+            if length < LEAST_PIECE * end:
                 break
     return a, False
-
-
-
-
 
 
 @compiled(brief=True)

@@ -20,8 +20,8 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.control_points import (
-    MOST_PIECES,
-    SHORTEST,
+    MOST_CUTS_OF_A_STEP,
+    LEAST_PIECE,
     place_piece,
     place_point,
 )
@@ -107,9 +107,7 @@ def load_at(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float) 
 
 
 @compiled(brief=True)
-def find_held(
-    flow: Flow, mode: Array, group: int, d: int, x: float, lack: float, row: int
-) -> bool:
+def find_held(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float, row: int) -> bool:
     """Whether the forces that rest needs at a part x of the step can be held; what has to be added
     to those of the mode is left in the work space.
 
@@ -164,7 +162,7 @@ def turned_until(
     length = end - start
     if not find_held(flow, mode, group, d, a, lack, _BEFORE):
         return a, a
-    for _ in range(MOST_PIECES):
+    for _ in range(MOST_CUTS_OF_A_STEP):
         if not a < end:
             break
         b = end if a + 1.01 * length >= end else a + length
@@ -177,7 +175,7 @@ def turned_until(
                 aside[_BEFORE, c] = aside[_AFTER, c]
         else:
             length = 0.5 * (b - a)
-            if length < SHORTEST * end:
+            if length < LEAST_PIECE * end:
                 break
     return a, math.inf
 
