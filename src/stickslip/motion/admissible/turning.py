@@ -20,8 +20,8 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.control_points import (
-    MOST_CUTS_OF_A_STEP,
     LEAST_PIECE,
+    MOST_CUTS_OF_A_STEP,
     place_piece,
     place_point,
 )
