@@ -562,30 +562,30 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
             if known:
                 strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
                 strayed += strays(space.discs[radius_row(rows, c)], piece.factor)
-                loose = max(loose, strayed / force + turn_strays(rows, space, c, piece.factor))
+                loose = max(loose, strayed / force + turn_strays(flow, c, piece.factor))
         lack = lacking_part(flow, mode, first, COUNT - 1, least)
         loose += turned if turned > least else 0.0
         law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])
 
 
 @compiled()
-def turn_strays(rows: Rows, space: Space, c: int, factor: float) -> float:
+def turn_strays(flow: Flow, c: int, factor: float) -> float:
     """What a direction may turn between the nodes of a piece, in parts of its size.
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
+    flow : Flow
         With the polynomials and the discs.
     c : int
         The direction.
     factor : float
         As of :class:`StepPiece`.
     """
+    rows, space = flow.rows, flow.space
     size, strayed = 0.0, 0.0
     for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
+        size += abs(direction_entry(rows, flow.k.J, space.W, c, j))
         row = rows.turning[c, j]
         if row >= 0:
-            size += abs(space.W[row, 0])
             strayed += strays(space.discs[row], factor)
     return strayed / size if strayed > 0.0 else 0.0
