@@ -1,10 +1,9 @@
-"""What is left of the friction under a plate that is shaken, over the force and the speed of the
-imbalance.
+"""Effective friction of a vibrating plate, over the force and the frequency of the imbalance.
 
-The pull needs the mean friction force; that of the resting plate is μmg. A plate that slides on
-without stopping feels μmg on average: shaking helps only if it stops, that is, if the forced
-oscillation of its velocity alone, of amplitude μFΩ/(m|Ω² − k/m|), exceeds the speed of the pull.
-Then friction falls towards μ(mg − F), the smallest one in a period.
+The result is the mean force of the pull; that of the resting plate is μmg. A plate that slides
+without stopping has the mean friction μmg: vibration helps only if the plate stops, that is, if the
+forced oscillation of its velocity alone, of amplitude μFΩ/(m|Ω² − k/m|), exceeds the speed of the
+pull. Then the friction decreases towards μ(mg − F), its minimum in a period.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), figure 1.1(A) and theorem 2.2.

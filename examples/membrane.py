@@ -1,13 +1,14 @@
-"""A membrane on a bed whose friction travels: a wave of thresholds against its average.
+"""A membrane on a bed with travelling friction: a wave of thresholds compared with its average.
 
-A membrane over the unit disc is clamped at its edge and rests on springs. A load that is the same
-everywhere grows, and dry friction with the threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁) resists: a
-wave that runs through the membrane once in every period ε. Each point waits for the trough to pass,
-so the resolved motion is a front of slip that runs with the wave, and every passage of it leaves
-less to do for the next. On average every point feels the threshold 0.1.
+A membrane over the unit disc is clamped at its edge and rests on springs. A uniform load grows, and
+dry friction with the threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁) resists: a wave that crosses the
+membrane once in every period ε. Each point slips when the trough passes, so the resolved motion is
+a front of slip that moves with the wave, and every passage leaves less for the next. On average
+every point has the threshold 0.1.
 
-Everything is dimensionless: lengths in radii, forces by the mean threshold. Linear finite elements
-on a triangulated disc; loads, thresholds and the springs are lumped at its nodes.
+All quantities are dimensionless: lengths relative to the radius, forces to the mean threshold.
+Linear finite elements on a triangulated disc; loads, thresholds and springs are lumped at the
+nodes.
 """
 
 from dataclasses import dataclass

@@ -1,10 +1,11 @@
-"""The plate compactor: how much force a shaken plate needs, from pure rest friction to nearly none.
+"""The plate compactor: the force that moves a vibrating plate, from full static friction to nearly
+zero.
 
-A plate of 100 kg is pulled by a spring while an imbalance shakes its weight, N(t) = (mg + F cos
-Ωt)⁺. Averaging ([M] Theorem 2.2) says that it takes μ(mg − F)⁺ to move it: only the lightest moment
-counts. The fully resolved motion with inertia, switch by switch, comes down to this law as the pull
-becomes slow. A fast pull gains nothing: a plate that never rests feels the mean of its friction.
-Without inertia the motion is a play, which is exact.
+A plate of 100 kg is pulled by a spring while an imbalance modulates its normal force, N(t) = (mg +
+F cos Ωt)⁺. By averaging ([M] Theorem 2.2) it moves under the force μ(mg − F)⁺: only the minimum of
+the normal force matters. The resolved motion with inertia, switch by switch, converges to this law
+as the pull becomes slow. Under a fast pull there is no reduction: a plate that never rests has the
+mean friction. Without inertia the motion is a play, which is exact.
 
 [M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017).

@@ -1,8 +1,8 @@
-"""Friction that oscillates fast: the play operator of [M] section 2.2, with figure 2.1.
+"""Rapidly oscillating friction: the play operator of [M] section 2.2, with figure 2.1.
 
-The load is ℓ(t) = 5t − t², the threshold ρ(t/ε) = 1 + cos(2πt/ε)/2. The motion waits for the
-smallest threshold: z_ε moves in small bursts around the phases where ρ is least, and follows the
-play with the constant threshold min ρ = 1/2 at a distance of the order ε.
+The load is ℓ(t) = 5t − t², the threshold ρ(t/ε) = 1 + cos(2πt/ε)/2. The motion z_ε consists of
+short bursts around the phases where ρ is smallest, and follows the play with the constant threshold
+min ρ = 1/2 at a distance of the order ε.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017).

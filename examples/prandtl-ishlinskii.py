@@ -2,9 +2,9 @@
 thresholds under one load.
 
 40 plays with thresholds r between 0 and 2 share one load ℓ(t), and the output is the mean of their
-positions, as in Iwan's model of a joint that slips bit by bit. Inner loops close and lie inside the
-outer one (return-point memory), a turning point is forgotten when the load goes beyond it, and only
-the sequence of turning points matters, not the speed.
+positions, as in Iwan's model of a joint that slips gradually. Inner loops close and lie inside the
+outer one (return-point memory), a turning point is erased when the load passes it, and only the
+sequence of turning points matters, not the speed.
 
 P. Krejčí, *Hysteresis, Convexity and Dissipation in Hyperbolic Equations*, Gakkōtosho (1996).
 """

@@ -1,7 +1,9 @@
-"""How much of the time a spring slider sticks, over the rate of its load and its viscosity.
+"""Fraction of the time in which a spring slider sticks, over the rate of its load and its
+viscosity.
 
-Steady sliding loses its stability on the curve where the trace of its Jacobian vanishes. Stick-slip
-goes on a little beyond that curve, next to stable steady sliding: there the start decides.
+Steady sliding loses stability on the curve where the trace of its Jacobian vanishes. Stick-slip
+persists a little beyond that curve, together with stable steady sliding: there the initial state
+decides.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), (3.3).

@@ -1,9 +1,9 @@
 """A path in the plane whose components move at different phases: example 2.1 of [M].
 
-Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂|. The first component meets the least resistance at s
-= 0, the second at s = 1/2. Under an oscillation of period ε the path is a staircase: one component
-moves while the other waits. As ε → 0 each component has its own least threshold, Ψ_av(v) = |v₁| +
-|v₂|, and the staircase becomes a curve.
+Ψ(s, v) = (2 − cos 2πs)|v₁| + (2 + cos 2πs)|v₂|. The first component has its smallest threshold at s
+= 0, the second at s = 1/2. Under an oscillation of period ε the path is a staircase: the components
+move alternately. As ε → 0 each component has its minimum threshold, Ψ_av(v) = |v₁| + |v₂|, and the
+staircase converges to a curve.
 
 [M] A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017).

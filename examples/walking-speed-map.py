@@ -1,10 +1,9 @@
-"""How fast a toy animal walks, over the pull on its legs and the damping of its rocking.
+"""Walking speed of a toy animal, over the pull on its legs and the damping of its rocking.
 
-Its rocking takes its energy from the pull; where that is less than what the damping eats, the toy
-comes to rest. Rest and walking coexist, so the map is one of what a start leads to: here ψ = 0.8,
-with the legs where friction holds them. That depends on the pull, so P and x_R vary together. Below
-P = ρ + cψ* the pull does not move an unloaded leg, from P = H*/2 on a fully loaded leg does not
-hold.
+The pull feeds energy into the rocking; if that is less than the damping dissipates, the toy comes
+to rest. Rest and walking coexist, so the map depends on the initial state: here ψ = 0.8, with the
+legs where friction holds them. That position depends on the pull, so P and x_R vary together. Below
+P = ρ + cψ* the pull does not move an unloaded leg; from P = H*/2 on a fully loaded leg slips.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), (4.2).

@@ -534,9 +534,9 @@ CALLS = dict(calls())
 NO_ANSWER = (
     "no such file",
     "cannot be written",
-    "Give a special point of kind",
-    "moves at both ends",
-    "no parameter was fitted",
+    "expected a special point of kind",
+    "moves at both ends of the range",
+    "no fitted parameter",
 )
 
 

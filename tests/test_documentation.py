@@ -246,7 +246,7 @@ def test_every_system_has_its_page() -> None:
     made = gallery.pages()
     for name in ss.catalogue.names():
         page = made[f"gallery/{name}.md"]
-        assert "<math" in page and "```toml" in page and "## What checks it" in page, name
+        assert "<math" in page and "```toml" in page and "## Tests" in page, name
 
 
 def test_the_search_is_asked_for_every_page_that_questions_lead_to() -> None:

@@ -59,13 +59,13 @@ def test_sound_has_the_pitch_and_the_length_of_the_motion(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("write", "reason"),
     [
-        (lambda m, p: ss.export(m, p / "a.csv", step=0.0), "step: it is 0"),
+        (lambda m, p: ss.export(m, p / "a.csv", step=0.0), "step: 0 is not"),
         (lambda m, p: ss.export(m, p / "a.csv", step=1e-12), "rows"),
         (lambda m, p: ss.export(m, p / "nowhere" / "a.csv"), "cannot be written"),
-        (lambda m, p: ss.export(m, p / "a.wav", "y"), "no 'y'"),
-        (lambda m, p: ss.export(m, p / "a.wav", "x", rate=0), "rate: it is 0"),
+        (lambda m, p: ss.export(m, p / "a.wav", "y"), "unknown quantity 'y'"),
+        (lambda m, p: ss.export(m, p / "a.wav", "x", rate=0), "rate: 0 is out of range"),
         (lambda m, p: ss.export(m, p / "a.wav", "x", seconds=-1.0), "seconds"),
-        (lambda m, p: ss.export(m, p / "a.wav", "energy"), "does not vary"),
+        (lambda m, p: ss.export(m, p / "a.wav", "energy"), "is constant"),
         (lambda m, p: ss.export(ss.equilibria(TONE), p / "a.wav", "x"), "not a motion"),
         (lambda m, p: ss.export(ss.equilibria(TONE), p / "a.csv", step=0.1), "not a motion"),
     ],

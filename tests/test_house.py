@@ -4,7 +4,9 @@ what is said of arguments."""
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import inspect
+import re
+from collections.abc import Iterator, Set
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +17,12 @@ import stickslip_paper
 SOURCE = Path(stickslip.__file__).parent
 COMPANION = Path(stickslip_paper.__file__).parent
 DOZEN = 12
+SECTION = re.compile(
+    r"^(Parameters|Attributes|Returns)\n-{3,}\n(.*?)(?=^\w[\w ]*\n-{3,}\n|\Z)",
+    re.MULTILINE | re.DOTALL,
+)
+SAYS_MORE = re.compile(r"shape|optional|\bunits?\b")
+SEEN_BY_USERS = ("stickslip.certificates", "stickslip.results")  # although they are not exported
 # what a result or a system shows of itself when it is asked
 PICTURES = ("stickslip.figures", "stickslip.display", "stickslip.orbits.sensitivities")
 
@@ -136,14 +144,13 @@ def defined_in(source: str) -> set[str]:
     return {name for name in found if not name.startswith("_")}
 
 
-def test_a_public_name_has_one_home() -> None:
-    """What is called by one name in two modules is either one thing, or deserves two names; the
-    translator knows nothing of the library, and could be lifted out with names of its own."""
+def test_an_exported_name_has_one_home() -> None:
     homes: dict[str, list[str]] = {}
     for module, path in MODULES.items():
-        if path.is_relative_to(SOURCE) and not module.startswith("stickslip.translator"):
-            for name in defined_in(path.read_text(encoding="utf-8")):
+        if path.is_relative_to(SOURCE):
+            for name in defined_in(path.read_text(encoding="utf-8")) & {*stickslip.__all__}:
                 homes.setdefault(name, []).append(module)
+    assert len(homes) > 80
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
 
 
@@ -156,63 +163,117 @@ def test_a_second_home_is_found() -> None:
     }
 
 
-# Helpers of the tape: what they take is said once, at the tables that they share.
-SHARED_TABLES = (
-    "stickslip.equations.codegen",
-    "stickslip.equations.native",
-    "stickslip.machine_code.interface",
-    "stickslip.motion.steps.arrays",
-)
-MANY = 5
+def exported() -> set[tuple[str, str]]:
+    """Modules and names of the functions and classes that the library exports, and of what exported
+    classes inherit."""
+    offered = [getattr(stickslip, name) for name in (*stickslip.__all__, "open")]
+    for space in filter(inspect.ismodule, [*offered]):
+        offered += [getattr(space, name) for name in dir(space) if not name.startswith("_")]
+    found: set[tuple[str, str]] = set()
+    for thing in offered:
+        plain = inspect.unwrap(thing) if callable(thing) else thing
+        parts = plain.__mro__ if inspect.isclass(plain) else [plain]
+        named = [part for part in parts if inspect.isroutine(part) or inspect.isclass(part)]
+        found |= {(part.__module__, part.__qualname__) for part in named}
+    return {(module, name) for module, name in found if module.startswith("stickslip")}
 
 
-def unexplained(module: ast.Module, public: set[str]) -> list[str]:
-    """Public functions, and functions and methods with a public name and many arguments, whose
-    docstrings have no section on their parameters. A method without docstring does what the one
-    does that it stands for."""
+Documented = ast.FunctionDef | ast.ClassDef
+
+
+def documented(
+    node: ast.Module | Documented,
+    module: str,
+    public: Set[tuple[str, str]],
+    before: str = "",
+    inside: bool = False,
+) -> Iterator[tuple[Documented, str, bool]]:
+    """Functions and classes with their dotted names, and whether they are exported."""
+    for child in node.body:
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            name = f"{before}{child.name}"
+            private = child.name.startswith("_") and child.name != "__init__"
+            out = not private and (inside or (module, name) in public)
+            yield child, name, out
+            yield from documented(child, module, public, f"{name}.", out)
+
+
+def sections(doc: str) -> Iterator[tuple[str, list[tuple[str, bool]]]]:
+    """Sections of a docstring that list things: its title, the head of each entry, and whether
+    something is said of it."""
+    for title, text in SECTION.findall(doc):
+        lines = text.rstrip().split("\n")
+        heads = [i for i, line in enumerate(lines) if line and not line.startswith(" ")]
+        yield title, [(lines[i], i + 1 < len(lines) and lines[i + 1][:1] == " ") for i in heads]
+
+
+def unexplained(module: ast.Module, name: str, public: Set[tuple[str, str]]) -> list[str]:
+    """Exported functions whose docstrings do not list their parameters."""
     found = []
-    for owner in (module, *(node for node in module.body if isinstance(node, ast.ClassDef))):
-        for node in owner.body:
-            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
-                continue
-            a = node.args
-            names = [
-                x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg) if x
-            ]
-            count = len([name for name in names if name not in ("self", "cls")])
-            doc = ast.get_docstring(node)
-            asked = count >= MANY or (owner is module and count and node.name in public)
-            told = doc is not None and "Parameters\n----------\n" in doc
-            inherited = doc is None and isinstance(owner, ast.ClassDef)
-            if asked and not told and not inherited:
-                found.append(node.name)
+    for node, path, out in documented(module, name, public):
+        if isinstance(node, ast.FunctionDef) and out and "." not in path and node.args.args:
+            listed = dict(sections(ast.get_docstring(node) or ""))
+            found += [] if listed.get("Parameters") else [path]
     return found
 
 
-def test_many_arguments_are_explained() -> None:
-    public = set(stickslip.__all__)
+def repeated(module: ast.Module, name: str, public: Set[tuple[str, str]]) -> list[str]:
+    """Entries of parameters and attributes, of what is not exported, that repeat the annotation and
+    say nothing else."""
+    return [
+        f"{path}: {head}"
+        for node, path, out in documented(module, name, public)
+        if not out
+        for title, entries in sections(ast.get_docstring(node) or "")
+        for head, told in entries
+        if title in ("Parameters", "Attributes") and not told and not SAYS_MORE.search(head)
+    ]
+
+
+def test_docstrings_list_parameters_where_a_user_reads_them() -> None:
+    public = {(module, name) for module, name in exported() if name in stickslip.__all__}
     for name, path in MODULES.items():
         # The options of the commands are explained where they are declared, for --help.
-        if name.startswith((*SHARED_TABLES, "stickslip.cli", "stickslip_paper")):
-            continue
-        assert unexplained(ast.parse(path.read_text(encoding="utf-8")), public) == [], name
+        if not name.startswith(("stickslip.cli", "stickslip_paper")):
+            module = ast.parse(path.read_text(encoding="utf-8"))
+            assert unexplained(module, name, public) == [], name
 
 
-def test_arguments_without_explanation_are_found() -> None:
-    """The test above can fail."""
+def test_docstrings_do_not_repeat_annotations() -> None:
+    public = exported()
+    assert len(public) > 150
+    for name, path in MODULES.items():
+        if name not in SEEN_BY_USERS and not name.startswith("stickslip.catalogue"):
+            assert repeated(ast.parse(path.read_text(encoding="utf-8")), name, public) == [], name
+
+
+def test_what_docstrings_lack_and_repeat_is_found() -> None:
+    """The tests above can fail."""
     code = """
 def play(load): "A play."
-def follow(a, b, c, d, *, e): "Follow."
-def told(a, b, c, d, e):
-    '''Told.
+def follow(a, b):
+    '''Follow.
 
     Parameters
     ----------
-    a, b, c, d, e : float
+    a : float
+    b : float
+        Where to.
+    c : array, shape (n,)
     '''
-def few(a, b): "Few."
 class Steps:
-    def between(self, a, b, c, d, e): ...
-    def advance(self, a, b, c, d, e): "Advance."
+    def between(self, a):
+        '''Between.
+
+        Parameters
+        ----------
+        a : float
+        '''
 """
-    assert unexplained(ast.parse(code), {"play"}) == ["play", "follow", "advance"]
+    tree = ast.parse(code)
+    assert unexplained(tree, "here", {("here", "play"), ("here", "follow")}) == ["play"]
+    assert repeated(tree, "here", {("here", "play")}) == [
+        "follow: a : float",
+        "Steps.between: a : float",
+    ]
+    assert repeated(tree, "here", {("here", "follow"), ("here", "Steps")}) == []

@@ -181,7 +181,7 @@ def test_is_written_as_a_table(name: str, tmp_path: Path) -> None:
     ss.export(result, tmp_path / "one.csv", first, units=True)
     chosen = pd.read_csv(tmp_path / "one.csv").columns
     assert any(c.startswith(first) for c in chosen) and len(chosen) <= len(table.columns)
-    with pytest.raises(ss.DeclarationError, match="no 'nonsense'"):
+    with pytest.raises(ss.DeclarationError, match=r"(unknown quantity|no measure) 'nonsense'"):
         ss.export(result, tmp_path / "one.csv", "nonsense")
 
 
@@ -212,7 +212,7 @@ def test_has_a_picture(name: str) -> None:
     assert result.plot(ax=left) is mine
     assert result.plot(QUANTITY[name], ax=right) is mine
     assert left.has_data() and right.has_data()
-    with pytest.raises(ss.DeclarationError, match="no 'nonsense'"):
+    with pytest.raises(ss.DeclarationError, match=r"(unknown quantity|no measure) 'nonsense'"):
         result.plot("nonsense")
 
 
@@ -281,6 +281,6 @@ def test_an_opened_play_is_exact_at_every_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         ss.open(tmp_path / "play.nc").position(times), play.position(times)
     )
-    with pytest.raises(ss.StickslipError, match="function of Python"):
+    with pytest.raises(ss.StickslipError, match="Python function"):
         ss.play(np.sin, 0.5, (0.0, 1.0), initial=0.0).save(tmp_path / "no.nc")
     assert not (tmp_path / "no.nc").exists()

@@ -30,7 +30,7 @@ BELT = ss.System(
         "xi": ss.Parameter(0.05, "", "damping"),
         "mu_d": ss.Parameter(0.5, "", "friction at high speed"),
         "ratio": ss.Parameter(2.0, "", "friction at rest over that"),
-        "v_0": ss.Parameter(0.5, "", "speed at which it falls"),
+        "v_0": ss.Parameter(0.5, "", "speed over which it decreases"),
     },
     coordinates={"x": ss.Inertial()},
     kinetic="d_x**2/2",

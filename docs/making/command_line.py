@@ -13,14 +13,14 @@ from stickslip.cli.app import app
 from stickslip.cli.common import ending
 
 _CODES = [
-    ("0", "what was asked for was computed, and it is certified"),
+    ("0", "the result was computed and is certified"),
     (
         str(ending.NOT_CERTIFIED),
-        "computed, but not certified, or not to its end; files are written",
+        "computed, but not certified or not complete; files are written",
     ),
-    ("2", "wrong input: one line says what, why, and what would be right; nothing is written"),
-    ("70", "a mistake of the program itself; please report it"),
-    (str(ending.EXIT_INTERRUPTED), "interrupted (Ctrl-C); what was computed is kept"),
+    ("2", "invalid input: one line gives the place, the reason and the remedy; nothing is written"),
+    ("70", "internal error; please report it"),
+    (str(ending.EXIT_INTERRUPTED), "interrupted (Ctrl-C); results so far are kept"),
 ]
 
 

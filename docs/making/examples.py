@@ -66,7 +66,7 @@ def _page(name: str, path: Path) -> str:
     if path.suffix == ".py":
         lines += [
             markdown.block("text", f"python {place}"),
-            "## The program\n",
+            "## Program\n",
             markdown.block("python", text.partition('"""\n\n')[2]),
         ]
     else:
@@ -76,7 +76,7 @@ def _page(name: str, path: Path) -> str:
             markdown.block("text", f"stickslip {command} {place}"),
             "## Equations\n",
             markdown.html(model._repr_html_()),
-            "## The model file\n",
+            "## Model file\n",
             markdown.block("toml", text),
         ]
     return "\n".join([*lines, gallery.checked(re.compile(rf"[\"'/]{_stem(path)}\b"))])

@@ -70,12 +70,12 @@ def _page(name: str) -> str:
     ]
     if "References" in parts:
         known = docstrings.markup(parts["References"].strip())
-        lines += ["## Where it comes from, and what is known\n", known + "\n"]
+        lines += ["## Sources and known results\n", known + "\n"]
     lines += ["## Equations\n", markdown.html(system_page(system))]
     lines += [checked(re.compile(rf"catalogue\.{name}\b|get\(\"{name}\"\)|\"{name}\""))]
     lines += [
-        "## The model file\n",
-        f"`stickslip show {name} --toml` prints it, to start your own from.\n",
+        "## Model file\n",
+        f"`stickslip show {name} --toml` prints it; use it as a starting point for your own.\n",
         markdown.block("toml", system.to_toml()),
     ]
     assert about, name
@@ -94,7 +94,7 @@ def _sources() -> dict[str, str]:
 def checked(used: re.Pattern[str]) -> str:
     """A section on the tests in which something occurs, if there are any."""
     lines = [f"* `{place}`: {said}" for place, said in _tests(used)]
-    return "\n".join(["## What checks it\n", *lines, ""]) if lines else ""
+    return "\n".join(["## Tests\n", *lines, ""]) if lines else ""
 
 
 def _tests(used: re.Pattern[str]) -> Iterator[tuple[str, str]]:

@@ -18,49 +18,51 @@ ENTRIES: dict[str, tuple[str, tuple[type, ...]]] = {
         'A coordinate. Its `kind` is `"inertial"`, `"viscous"` or `"rate-independent"`.',
         (system.Inertial, system.Viscous, system.RateIndependent),
     ),
-    "internal.NAME": ("A variable with a law of its own.", (system.Internal,)),
+    "internal.NAME": ("A state variable with an evolution equation.", (system.Internal,)),
     "contacts.NAME": (
-        "A contact. One with `gap` can open, one with `constraint` holds from both sides, one with "
-        "`law` has a [friction law](laws.md) by its name and the parameters of that beside it; any "
-        "other has a `threshold`.",
+        "A contact. With `gap` it can open; with `constraint` it is bilateral; with `law` it has a "
+        "named [friction law](laws.md) and the parameters of that law; any other has a "
+        "`threshold`.",
         (system.Contact, system.Unilateral, system.Bilateral, system.LawContact),
     ),
-    "jumps.NAME": ("Where the state jumps, and to what.", (system.Jump,)),
+    "jumps.NAME": ("A jump of the state: its guard and the new values.", (system.Jump,)),
     "outputs.NAME": (
-        "A quantity that results show. A formula alone is one, too.",
+        "A quantity that results contain. A formula alone is allowed, too.",
         (system.Output,),
     ),
-    "conditions.NAME": ("What the literature asks of the parameters.", (system.Condition,)),
+    "conditions.NAME": ("A condition on the parameters from the literature.", (system.Condition,)),
 }
 _SAMPLES = {
     "file": "text file with columns; relative to the model file",
-    "time": "name of the column of times (else `t` or `time`)",
-    "value": "name of the column of values (else `value`, or the name of the drive)",
-    "times": "the times themselves, in place of a file",
-    "values": "the values themselves",
-    "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
-    "periodic": "`true` if they repeat",
+    "time": "name of the column of times (by default `t` or `time`)",
+    "value": "name of the column of values (by default `value`, or the name of the drive)",
+    "times": "the times, instead of a file",
+    "values": "the values, instead of a file",
+    "kind": '`"linear"`, `"cubic"` or `"hold"`: interpolation between the samples',
+    "periodic": "`true` if the samples repeat",
+    "unit": "unit of the values",
 }
 _TABLES = {
     "file": "text file with columns; relative to the model file",
-    "of": "name of the column of points (else the first one); of a surface two names",
-    "value": "name of the column of values (else that of the table, or `value`)",
-    "points": "the points themselves, in place of a file; of a surface two lists",
-    "values": "the values themselves: numbers, or formulas of parameters",
-    "kind": '`"linear"`, `"pchip"` or `"cubic"`: what is between the points',
-    "outside": '`"refused"`, `"constant"` or `"linear"`, or a pair of these for below and above',
+    "of": "name of the column of points (by default the first one); for a surface two names",
+    "value": "name of the column of values (by default the name of the table, or `value`)",
+    "points": "the points, instead of a file; for a surface two lists",
+    "values": "the values: numbers, or formulas of parameters",
+    "kind": '`"linear"`, `"pchip"` or `"cubic"`: interpolation between the points',
+    "outside": '`"refused"`, `"constant"` or `"linear"`, or a pair of these (low, high)',
+    "unit": "unit of the values",
 }
 _STRUCTURES = {
     "mass": "file of the matrix, relative to the model file: `.mtx`, `.npz`, `.npy` or `.mat`; "
-    "`beam.mat:M` is one of several arrays. **Has to be there.**",
-    "stiffness": "the same of the stiffness. **Has to be there.**",
+    "`beam.mat:M` is one of several arrays. **Required.**",
+    "stiffness": "the same for the stiffness. **Required.**",
     "damping": "a file, `{ratios = [0.01]}` or `{alpha = 0.5, beta = 8e-5}`",
     "names": "a list of all names, or a table of some with their indices",
     "unit": "unit of displacements",
     "keep": "unknowns that a reduced structure keeps",
-    "modes": "how many modes it has beside them",
+    "modes": "number of modes in addition to these",
     "method": '`"craig-bampton"` or `"modal"`',
-    "packed": "all arrays as one text, as they are stored with results, in place of files",
+    "packed": "all arrays as one string, as stored with results, instead of files",
 }
 
 
@@ -80,14 +82,14 @@ def _held(annotation: str, kind: str) -> str:
     if known and not name.startswith("table"):
         return known[0]
     if annotation.startswith("Mapping["):
-        return "a table, an entry each"
+        return "a table with one entry for each"
     return docstrings.markup(kind)
 
 
 def _needed(item: Any, text: str) -> str:
     required = item.default is MISSING and item.default_factory is MISSING
     said = docstrings.markup(text) or ENTRIES.get(f"{item.name}.NAME", ("", ()))[0]
-    return f"{said} **Has to be there.**" if required else said
+    return f"{said} **Required.**" if required else said
 
 
 def pages() -> dict[str, str]:

@@ -27,14 +27,14 @@ GROUPS: Mapping[str, str] = {
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
     "Maps": "sweep Map basin Basin Records Fragility Settings Adaptive",
     "Data": "fit Fit fit_law LawFit fit_problem FitProblem Recording compare Comparison Band",
-    "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
+    "Rate-independent evolutions": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",
     "Files, errors, pictures": "open export StickslipError DeclarationError ConvergenceError "
     "figures style explore",
 }
-"""What belongs together; a name that stands nowhere here has a page all the same."""
-# What results hold.
+"""What belongs together; a name that is not listed here has a page as well."""
+# Parts of results.
 OTHERS = {
     "Certificate": "stickslip.certificates",
     "Residual": "stickslip.certificates",
@@ -68,7 +68,7 @@ def groups() -> dict[str, list[str]]:
     placed = {name for names in found.values() for name in names}
     rest = sorted(public - placed)
     found = {title: [n for n in names if n in public] for title, names in found.items()}
-    return found | ({"More": rest} if rest else {}) | {"What results hold": list(OTHERS)}
+    return found | ({"More": rest} if rest else {}) | {"Parts of results": list(OTHERS)}
 
 
 def thing(name: str) -> Any:
@@ -116,7 +116,7 @@ def _of_module(name: str, module: Any) -> list[str]:
     if name == "catalogue":
         lines += ["Each system has a page in the :doc:`gallery </gallery/index>`.", ""]
     if name == "laws":
-        lines += ["Each law stands on the page :doc:`Friction laws </reference/laws>`.", ""]
+        lines += ["The page :doc:`Friction laws </reference/laws>` shows each law.", ""]
     for inner in getattr(module, "__all__", sorted(vars(module))):
         part = getattr(module, inner)
         ours = inspect.isfunction(part) and part.__module__.startswith("stickslip")
@@ -135,7 +135,7 @@ def _example(name: str) -> list[str]:
         block = next((b for b in session.blocks if re.search(wanted, b.source)), None)
         if block is not None:
             code = [f"   {line}".rstrip() for line in session.alone(block).splitlines()]
-            where = f"From the page :doc:`/{page}`, with what it needs:"
-            head = [".. rubric:: As it is used", "", where, ""]
+            where = f"From the page :doc:`/{page}`, with the statements that it needs:"
+            head = [".. rubric:: Example", "", where, ""]
             return [*head, ".. code-block:: pycon", "", *code, ""]
     return []

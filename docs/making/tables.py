@@ -22,21 +22,21 @@ from stickslip.symbolic.pieces import STRUCTURES
 MEANINGS = {
     "sqrt": "square root",
     "abs": "modulus",
-    "clip": "x, but at least low and at most high",
-    "min": "the least of its arguments",
+    "clip": "x, limited to the interval from low to high",
+    "min": "the smallest of its arguments",
     "max": "the largest of its arguments",
-    "sign": "1 where x ≥ 0, −1 below; `sign(0)` typed as a number is 0",
-    "heaviside": "1 where x ≥ 0, 0 below",
-    "floor": "the largest whole number that is not above x",
-    "mod": "what is left of x modulo m, with the sign of m",
+    "sign": "1 for x ≥ 0, −1 for x < 0; `sign(0)` with the number 0 is 0",
+    "heaviside": "1 for x ≥ 0, 0 for x < 0",
+    "floor": "the largest integer not above x",
+    "mod": "the remainder of x modulo m, with the sign of m",
     "square": "the sign of sin x",
-    "triangle": "goes through 0, 1, 0, −1 where the sine does, on straight lines",
-    "sawtooth": "rises from −1 to 1 over each period 2π, from 0 on",
+    "triangle": "piecewise linear, with the values of the sine at its zeros and extrema",
+    "sawtooth": "increases from −1 to 1 in each period 2π, beginning at 0",
     "smoothstep": "0 below low, 1 above high, smoothly in between",
 }
 _OF = {
     "": "",
-    "component": "a part of the state, `{name}:x`",
+    "component": "a component of the state, `{name}:x`",
     "contact": "a contact, `{name}:foot`",
     "force": "a contact, `{name}:foot`; in a plane one component, `{name}:table 1`",
     "quantity": "a variable, also a force, `{name}:friction_foot`",
@@ -109,7 +109,7 @@ def _measures() -> str:
         ]
         for name, row in measures.MEASURES.items()
     ]
-    head = ["measure", "may be taken of", "also where nothing settles", "follows the period again"]
+    head = ["measure", "argument", "also without convergence", "computes the period again"]
     return markdown.filled(
         "measures",
         told="\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]),
@@ -132,6 +132,6 @@ def _outcomes() -> str:
         parts += [
             f"## {title}\n",
             where + "\n",
-            markdown.table(["outcome", "good", "meaning and remedy"], rows),
+            markdown.table(["outcome", "ok", "meaning and remedy"], rows),
         ]
     return markdown.filled("outcomes", outcomes="\n".join(parts))

@@ -1,6 +1,6 @@
-"""Rate-and-state friction of basalt gouge from one velocity step: ageing law against slip law.
+"""Rate-and-state friction of basalt gouge from one velocity step: ageing law and slip law.
 
-The data and where they come from: examples/basalt/README.md.
+The data and their source: examples/basalt/README.md.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""From a record to a map: the friction law of a block on a belt from 20 s of its motion, and where
-the block then sticks and slips, with the uncertainty of the fit.
+"""From a record to a map: the friction law of a block on a belt from 20 s of its motion, the region
+of stick-slip, and its uncertainty.
 
-The record is synthetic (`python examples/belt/map.py record` writes it again): a belt with
-Stribeck's curve, noise of 2 cm and 2 cm/s, so that what comes out can be compared with the truth.
+The record is synthetic (`python examples/belt/map.py record` writes it again): a belt with a
+Stribeck law and noise of 2 cm and 2 cm/s, so that the result can be compared with the true values.
 """
 
 import sys

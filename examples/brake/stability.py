@@ -1,8 +1,8 @@
 """A brake with a measured friction coefficient: where it is stable, and its limit cycles.
 
-The pad is steady where μ(v) falls no faster than damping allows, N μ′(V) + c > 0. The map says what
-motions from rest settle on, the cycle is the one at the declared numbers, and the law that is
-fitted to the points stands in place of the table.
+Steady sliding is stable if μ(v) decreases no faster than damping allows, N μ′(V) + c > 0. The map
+shows the long-term motions from rest, the cycle is the one at the declared parameters, and a law
+fitted to the points replaces the table.
 """
 
 from pathlib import Path

@@ -19,7 +19,7 @@ def sample(history):
     """A sample that is pushed by a stiff spring, whose end moves at given speeds."""
     times, speeds = np.array(history).T
     t = np.concatenate([[0.0], np.cumsum(times)])
-    pushed = ss.Samples(t, np.concatenate([[0.0], np.cumsum(times * speeds)]))
+    pushed = ss.Samples(t, np.concatenate([[0.0], np.cumsum(times * speeds)]), unit="um")
     return ss.System(
         "sample",
         parameters={

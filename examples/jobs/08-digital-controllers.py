@@ -1,7 +1,8 @@
 """A carriage with stiction under PD and PID controllers that sample at 1 kHz, with delay,
 quantisation and noise of the measured position.
 
-Prints how far it stays from its goal, or hunts about it, and how long it rests.
+Prints how far it stays from its goal, or hunts about it, and how long it rests. Writes the PID loop
+as an FMU, for Simulink and Modelica, if pythonfmu is installed.
 """
 
 import numpy as np
@@ -68,4 +69,8 @@ if __name__ == "__main__":
             f"{name}: {1e3 * error:.2f} mm off, swings by {1e3 * swing:.2f} mm, "
             f"rests {rest:.0%}, certified: {motion.certificate.ok}"
         )
+    try:
+        ss.export(loops["PID"], "carriage.fmu")
+    except ss.StickslipError as error:
+        print(error)
     ss.simulate(loops["PID"]).plot("x", "F", "mode_rail").savefig("hunting.png")

@@ -1,7 +1,7 @@
 """A tip that is pulled over a lattice, in one direction and in the plane: mean friction over the
 speed and the direction of the pull.
 
-Prints the friction of slow and fast pulls, and draws the map. Directions are those of lattice
+Prints the friction of slow and fast pulls, and draws both. Directions are those of lattice
 vectors: in others nothing repeats, and the mean is that of a long time.
 """
 
@@ -27,10 +27,9 @@ plane = ss.System(
 
 
 def along_the_line():
-    """The mean friction over the speed, F(V), of the tip of the catalogue."""
+    """Cycles over the speed, of the tip of the catalogue: their energy per distance is F(V)."""
     slow = ss.find_cycle(line, parameters={"V": 0.01})
-    points = ss.continue_cycle(slow, "V", (0.01, 10.0)).points
-    return points["V"].values, points["energy_per_distance"].values
+    return ss.continue_cycle(slow, "V", (0.01, 10.0))
 
 
 def over_the_plane(speeds=12, slopes=(0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1)):
@@ -40,7 +39,9 @@ def over_the_plane(speeds=12, slopes=(0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1)):
 
 
 if __name__ == "__main__":
-    V, F = along_the_line()
+    branch = along_the_line()
+    V, F = (branch.points[name].values for name in ("V", "energy_per_distance"))
+    branch.plot("energy_per_distance").savefig("line-friction.png")
     print(f"line: F = {F[0]:.6f} at V = {V[0]:.3g}, {F[-1]:.6f} at {V[-1]:.3g}")
     found = over_the_plane()
     pull = found["mean:pull"].values

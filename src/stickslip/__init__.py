@@ -346,7 +346,7 @@ _KINDS = {
 
 
 def open(path: str | Path) -> Any:
-    """Read a stored result, whatever it is: a file that its ``save`` wrote, or the store of a map.
+    """Open a stored result of any kind: a file written by ``save``, or the store of a map.
 
     Parameters
     ----------
@@ -357,12 +357,12 @@ def open(path: str | Path) -> Any:
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
     GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, LawFit, Comparison, Band, Map, Fragility
     or Basin
-        As it was stored; nothing is computed again until it is asked for.
+        The stored result; nothing is recomputed until needed.
 
     Raises
     ------
     StickslipError
-        If there is no file, or it holds no result, or one of a format that is not read any more.
+        If the file does not exist, is not a result, or has an unsupported format.
     """
     from stickslip import storage
 

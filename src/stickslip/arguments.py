@@ -108,7 +108,7 @@ def argument_said(value: Any) -> str:
     if value is None or isinstance(value, bool | str | bytes):
         return short(repr(value))
     if isinstance(value, int):  # Python writes no more than 4300 digits of one
-        return str(value) if abs(value) <= _MOST else "a whole number that is too large"
+        return str(value) if abs(value) <= _MOST else "an integer that is too large"
     if isinstance(value, Real | complex):
         return short(str(value))
     if isinstance(value, list | tuple) and len(value) < 5 and all(map(_is_formula, value)):
@@ -207,21 +207,23 @@ _PATH = ArgumentKind("a path", 'Give a path, like "motion.nc"', _is_path)
 _KINDS = {
     "None": ArgumentKind("nothing", "Leave it out", lambda value: value is None),
     "float": ArgumentKind("a number", "Give a number, like 0.5", is_real),
-    "int": ArgumentKind("a whole number", "Give a whole number, like 40", _is_whole),
-    "bool": ArgumentKind("True or False", "Give one of them", _is_truth),
+    "int": ArgumentKind("an integer", "Give an integer, like 40", _is_whole),
+    "bool": ArgumentKind("True or False", "Use True or False", _is_truth),
     "str": ArgumentKind(
-        "a text", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)
+        "a string", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)
     ),
     "Path": _PATH,
     "PathLike[str]": _PATH,
-    "tuple[float, float]": ArgumentKind("a pair of numbers", "Give two, like (0, 100)", _is_pair),
+    "tuple[float, float]": ArgumentKind(
+        "a pair of numbers", "Give a pair, like (0, 100)", _is_pair
+    ),
     "Tell": ArgumentKind("a function", "Give a function, like print", callable),
 }
 _NAMES = 'Give names, like {"x": 1.0}'
 _KINDS |= {
     "ArrayLike": ArgumentKind("numbers", "Give a number or a list, like [0.1, 0.2]", _is_array),
     "Sequence[str]": ArgumentKind(
-        "a list of texts", 'Give a list, like ["x"]', _sequence(_KINDS["str"].fits)
+        "a list of strings", 'Give a list, like ["x"]', _sequence(_KINDS["str"].fits)
     ),
     "Sequence[float]": ArgumentKind(
         "a list of numbers", "Give a list, like [0.1, 0.2]", _sequence(is_real)
@@ -270,7 +272,7 @@ def _kind_of(part: str) -> ArgumentKind | None:
         ("Mapping[str, ", "a mapping of names", _mapping),
     ):
         if part.startswith(beginning) and (name := part[len(beginning) : -1]) in _CLASSES:
-            return ArgumentKind(f"{many}, of {name}s each", _CLASSES[name], of(_instance(name)))
+            return ArgumentKind(f"{many} of {name}s", _CLASSES[name], of(_instance(name)))
     return next((kind for start, kind in _GENERIC.items() if part.startswith(start)), None)
 
 

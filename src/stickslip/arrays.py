@@ -39,7 +39,6 @@ def plain_array(given: ArrayLike, kind: Any = float) -> Array:
 
     Parameters
     ----------
-    given : array_like
     kind : dtype
         Of the entries.
     """

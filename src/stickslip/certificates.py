@@ -107,8 +107,8 @@ class Certificate:
         notes."""
         if self.ok:
             return "; ".join([f"certified: {self._limits}", *self.notes])
-        until = ", and obeys the law until then" if self.lawful else ""
-        reasons = [f"it ended with '{self.outcome}'{until}"] if self.outcome else []
+        until = " (the law is satisfied up to there)" if self.lawful else ""
+        reasons = [f"ended with '{self.outcome}'{until}"] if self.outcome else []
         reasons += [residual.fault for residual in self.residuals if not residual.ok]
         reasons += [f"not verified {self._spans}"] if self.unverified else []
         return f"not certified: {'; '.join(reasons)}"
@@ -121,7 +121,7 @@ class Certificate:
         limits = {residual.limit for residual in judged}
         if len(limits) == 1 and not any(residual.least for residual in judged):
             return f"all residuals below {limits.pop():.0e}"
-        return f"{len(judged)} residuals in limits"
+        return f"all {len(judged)} residuals within their limits"
 
     @property
     def _spans(self) -> str:
@@ -141,7 +141,7 @@ class Certificate:
             if residual.name == name:
                 return residual
         raise KeyError(
-            f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}"
+            f"no residual '{name}'; available: {', '.join(r.name for r in self.residuals)}"
         )
 
     def _ipython_key_completions_(self) -> list[str]:

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 
 class StickslipError(Exception):
-    """Base of every error this library raises on purpose."""
+    """Base class of the errors raised by this library."""
 
 
 class DeclarationError(StickslipError, ValueError):
@@ -21,7 +21,7 @@ class DeclarationError(StickslipError, ValueError):
     reason : str
         What is wrong with it.
     remedy : str, optional
-        What would be right.
+        A remedy.
     """
 
     def __init__(self, where: str, reason: str, remedy: str = "") -> None:
@@ -34,16 +34,16 @@ class DeclarationError(StickslipError, ValueError):
 
 
 class ConvergenceError(StickslipError, RuntimeError):
-    """An iteration cannot reach its tolerance; the message says what it did reach.
+    """An iteration did not reach its tolerance; the message reports what was reached.
 
     Parameters
     ----------
     where : str
-        What was to be computed.
+        The quantity that was to be computed.
     reached : str
-        How far it came.
+        What was reached.
     remedy : str, optional
-        What would help.
+        A remedy.
     """
 
     def __init__(self, where: str, reached: str, remedy: str = "") -> None:
@@ -78,7 +78,8 @@ def need(package: str, extra: str) -> None:
     """
     if find_spec(package) is None:
         raise MissingPackageError(
-            f'this needs {package}, which is not installed: pip install "stickslip[{extra}]"'
+            f"{package} is required but not installed. Install it with: pip install "
+            f'"stickslip[{extra}]"'
         )
 
 

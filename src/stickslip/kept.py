@@ -25,7 +25,6 @@ def kept(owner: object, kind: str) -> dict[Any, Any]:
 
     Parameters
     ----------
-    owner : object
     kind : str
         What it is.
     """
@@ -40,10 +39,8 @@ def made_once(
 
     Parameters
     ----------
-    owner : object
     kind : str
         What it is.
-    make : function
     key : object
         What else it depends on.
     most : int, optional

@@ -59,21 +59,25 @@ class Ended(Enum):
         for outcome in cls:
             if outcome.code == code:
                 return outcome
-        raise ValueError(f"{code} is the code of no outcome")
+        raise ValueError(f"{code} is not the code of an outcome")
 
 
 class Completion(Ended):
     """How a computation ended that consists of many, such as a map or a branch."""
 
-    FINISHED = (0, "finished", "All that was asked for was computed")
-    INTERRUPTED = (1, "interrupted", "Stopped by the user; what was computed is kept")
-    STOPPED_EARLY = (2, "stopped early", "A part could not be computed; those before it are kept")
-    NOTHING_FOUND = (3, "nothing found", "There is none, or it was not where was looked")
+    FINISHED = (0, "finished", "The computation is complete")
+    INTERRUPTED = (1, "interrupted", "Stopped by the user; the results so far are kept")
+    STOPPED_EARLY = (
+        2,
+        "stopped early",
+        "A part could not be computed; the parts before it are kept",
+    )
+    NOTHING_FOUND = (3, "nothing found", "Nothing was found in the region searched")
     TIME_UP = (
         4,
         "time limit reached",
-        "The limit of wall-clock time was reached; what was computed is kept. Raise time_limit to "
-        "go on",
+        "The limit of wall-clock time was reached; the results so far are kept. Increase "
+        "time_limit to continue",
     )
 
 
@@ -140,7 +144,7 @@ class Described(Protocol):
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         ...
 
     @property
@@ -149,11 +153,11 @@ class Described(Protocol):
         ...
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         ...
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         ...
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -203,7 +207,7 @@ class Result:
             found = sum(others, first).rename(str(name))
             return found.assign_attrs(data[next(iter(row))].attrs, long_name=str(name))
         known = suggestion(str(name), self._ipython_key_completions_())
-        raise DeclarationError(self.KIND, f"it has no '{short(str(name))}'", known)
+        raise DeclarationError(self.KIND, f"unknown quantity '{short(str(name))}'", known)
 
     def _ipython_key_completions_(self) -> list[str]:
         return [str(name) for name in self._said.dataset.variables]

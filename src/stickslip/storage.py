@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 PREFIX = "stickslip_"
-_REMEDY = "Take a copy, or compute it again"
+_REMEDY = "Restore a copy, or recompute it"
 
 
 def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts: Any) -> None:
@@ -36,8 +36,6 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
 
     Parameters
     ----------
-    path : str or Path
-    data : xarray.Dataset
     kind : str
         What the result is, such as ``"trajectory"``.
     form : int
@@ -142,7 +140,7 @@ def reading(
 
 def unchecked(path: Path) -> None:
     """Say that nobody can know whether a result is as it was written."""
-    text = f"{path}: stored without checksums, by an older version: damage would not be noticed"
+    text = f"{path}: stored without checksums, by an older version: damage cannot be detected"
     warnings.warn(text, stacklevel=2)
 
 
@@ -157,14 +155,14 @@ def _whole(path: str | Path) -> Path:
     path = Path(path)
     try:
         if not path.is_file():
-            there = "is no file" if path.exists() else "there is no such file"
+            there = "not a file" if path.exists() else "no such file"
             raise StickslipError(f"{path}: {there}")
         if checksums.intact(path):
             return path
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise StickslipError(f"{short(str(path))}: cannot be read ({reason})") from None
-    raise StickslipError(f"{path}: damaged: its bytes are not those that were written. {_REMEDY}")
+    raise StickslipError(f"{path}: damaged: the checksum does not match. {_REMEDY}")
 
 
 @validated
@@ -188,8 +186,9 @@ def kind_of(path: str | Path, known: Container[str]) -> str:
         kind = ""
     if kind not in known:
         raise StickslipError(
-            f"{path}: not a result stored by this version of stickslip; if an older one wrote it, "
-            "open it with that, or compute it again (xarray reads it in any case)"
+            f"{path}: not a result stored by this version of stickslip; if an older version "
+            "wrote it, open it with that version or recompute it (xarray can read it in any "
+            "case)"
         )
     return kind
 
@@ -205,8 +204,8 @@ def readable(path: Path, own: Mapping[str, str], form: int) -> None:
     if int(own["format"]) != form:
         written = f"written in format {own['format']} by version {own['version']}"
         raise StickslipError(
-            f"{path}: {written}, this version reads {form}; "
-            "open it with the version that wrote it, or compute it again"
+            f"{path}: {written}, this version reads {form}; open it with the version that wrote "
+            "it, or recompute it"
         )
 
 

@@ -36,8 +36,6 @@ class Made:
 
     Attributes
     ----------
-    item : Item
-    seconds : float
     finding : Finding or None
         Of a claim.
     files : tuple of str

@@ -54,11 +54,11 @@ SETTLING = 10.0  # … for a motion to settle …
 FINELY = 60.0  # … and in steps that miss nothing
 
 WORDS = (
-    "come in a family",
+    "form a continuous family",
     "no cycle was found",
     "the motion from the start ends",
     "did not converge",
-    "left the motion",
+    "a different solution",
 )
 
 
@@ -292,7 +292,7 @@ def instead(said: str, found: Settled | None) -> Verdict:
     cycles = found is not None and found.period > 0.0
     for words, note in (
         ("comes to rest", "said to rest"),
-        ("the motion looks irregular", "said to be irregular"),
+        ("the motion appears chaotic", "said to be irregular"),
     ):
         if words in said:
             if cycles:

@@ -344,7 +344,7 @@ def judge(case: Case) -> Verdict:
     except OutOfTime as error:
         return Verdict(REFUSED, str(error))
     except ss.DeclarationError as error:
-        fair = case.alone is not None and "has no value" in str(error)
+        fair = case.alone is not None and "cannot be evaluated" in str(error)
         return Verdict(AGREED if fair else REFUSED, without_numbers(str(error)))
     except Exception as error:  # whatever it raises is a finding
         return Verdict(REFUSED, f"raises {type(error).__name__}: {without_numbers(str(error))}")
@@ -375,7 +375,7 @@ def _judge(case: Case) -> Verdict:
     try:
         other = ss.simulate(case.inlined())
     except ss.DeclarationError as error:
-        if "has no value" not in str(error):
+        if "cannot be evaluated" not in str(error):
             raise
         other = motion  # a number that is undefined is refused where it is written
     apart = max(abs(x - other.final[name]) for name, x in motion.final.items())

@@ -1,4 +1,4 @@
-"""Random formulas, each as a text and as a function of Python's own arithmetic.
+"""Random formulas, each as a text and as a Python function's own arithmetic.
 
 Numbers are of a small grid, so that comparisons are often at equality, guards undefined or too
 large; nothing is shared with the library but the language. What is added, multiplied or compared

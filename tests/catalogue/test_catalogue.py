@@ -156,7 +156,7 @@ def test_units_are_given_throughout_or_nowhere():
 
 def test_unknown_system():
     with pytest.raises(
-        DeclarationError, match=r"there is no system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
+        DeclarationError, match=r"unknown system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
     ):
         catalogue.get("rocking-toi")
     with pytest.raises(DeclarationError, match="Known here: belt_block"):
@@ -588,7 +588,7 @@ def test_block_chain(N):
 @pytest.mark.parametrize("N", [0, -1, 2.5, 20_001, 10**400, "3", math.nan, True, None])
 def test_wrong_number_of_blocks(N):
     with pytest.raises(
-        DeclarationError, match=r"block_chain.N: not a number of blocks\. Give a whole number"
+        DeclarationError, match=r"block_chain.N: not a number of blocks\. Give an integer"
     ):
         catalogue.block_chain(N=N)
 

@@ -249,7 +249,7 @@ def test_ctrl_c_keeps_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
     result = stickslip("evolve", "small.toml")
     assert result.exit_code == 130
-    assert "interrupted; what was computed is in " in result.stderr
+    assert "interrupted; the results so far are in " in result.stderr
     assert 0.0 < History.open("out/small/evolution.nc").dataset["step_time"][-1] < 2.0
 
 
@@ -284,8 +284,8 @@ L1 = 'dissipation = {kind = "weighted l1", weights = ["rho(s)", "rho(s + 0.5)"],
 MATRIX = 'A = [[2, "r"], ["r", 1]]'
 BAD: dict[str, tuple[str, str, list[str]]] = {
     "no TOML": ('name = "small"', "name = ", ["not valid TOML", "line 2"]),
-    "no name": ('name = "small"', 'title = "small"', ["name", "missing"]),
-    "a number as name": ('name = "small"', "name = 3", ["name", "expected a text"]),
+    "is missing": ('name = "small"', 'title = "small"', ["name", "missing"]),
+    "a number as name": ('name = "small"', "name = 3", ["name", "expected a string"]),
     "unknown key": ("epsilon =", "epsilom =", ["epsilom", "Did you mean 'epsilon'?"]),
     "a system": (
         "initial = [0, 0]",
@@ -293,7 +293,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         ["declares a system", "stickslip run"],
     ),
     "no dissipation": (L1, "", ["dissipation", "missing", "kind ="]),
-    "no kind": (
+    "unknown kind": (
         L1,
         L1.replace('kind = "weighted l1", ', ""),
         ["dissipation.kind", '"polytope", "weighted l1", "formula", "group norm"'],
@@ -303,7 +303,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         L1.replace("weighted l1", "weighted l2"),
         ["dissipation.kind", 'Did you mean "weighted l1"?'],
     ),
-    "kind is a number": (L1, "dissipation = {kind = 1}", ["dissipation.kind", "expected a text"]),
+    "kind is a number": (L1, "dissipation = {kind = 1}", ["dissipation.kind", "expected a string"]),
     "kind only": (
         L1,
         'dissipation = {kind = "ellipsoid"}',
@@ -319,10 +319,10 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "time in the dissipation": (
         L1,
         L1.replace('"1"', '"t"'),
-        ["dissipation.lower[1]", "Only s and parameters"],
+        ["dissipation.lower[1]", "Use s and parameters only"],
     ),
-    "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Only t and parameters"]),
-    "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Only parameters"]),
+    "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Use t and parameters only"]),
+    "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Use parameters only"]),
     "negative weight": (L1, L1.replace('"1"', '"-1"'), ["dissipation.lower", "negative"]),
     "negative at a phase": (
         L1,
@@ -365,7 +365,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "huge": ("epsilon = 0.5", 'epsilon = "9**9**9**9"', ["epsilon"]),
     "epsilon": ("epsilon = 0.5", "epsilon = 0", ["epsilon", "positive"]),
     "span": ("span = [0, 2]", "span = [2, 0]", ["span", "start < end"]),
-    "steps": ("span = [0, 2]", "span = [0, 2]\nsteps = 0", ["steps", "positive whole number"]),
+    "steps": ("span = [0, 2]", "span = [0, 2]\nsteps = 0", ["steps", "positive integer"]),
     "undefined": ("epsilon = 0.5", 'epsilon = "log(-1)"', ["epsilon"]),
 }
 
@@ -385,9 +385,9 @@ def test_a_wrong_file_is_one_clear_line(
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["evolve", "nowhere.toml"], "nowhere.toml: there is no such file"),
-        (["evolve", "."], "this is a directory"),
-        (["average", TWO, "--set", "delta=1"], "no parameter or function 'delta'"),
+        (["evolve", "nowhere.toml"], "nowhere.toml: no such file"),
+        (["evolve", "."], "it is a directory"),
+        (["average", TWO, "--set", "delta=1"], "unknown parameter or function 'delta'"),
         (["average", TWO, "--set", "epsilon=x"], "parameters.epsilon"),
         (["average", TWO, "--set", "epsilon=-1"], "(0, inf)"),
         (["evolve", TWO, "--until", "-1"], "--until"),
@@ -422,7 +422,7 @@ def test_an_averaged_start_that_is_not_stable_at_every_phase_names_one_that_is(
 
 
 def test_models_are_checked_in_python_too() -> None:
-    with pytest.raises(DeclarationError, match=r"steps: 0 steps\. Give a positive whole number"):
+    with pytest.raises(DeclarationError, match=r"steps: 0 steps\. Give a positive integer"):
         EVOLUTIONS.loads(SMALL + "steps = 0\n")
     with pytest.raises(DeclarationError, match=r"dissipation\.weights"):
         EVOLUTIONS.loads(SMALL).configure({"rho": "-1"})

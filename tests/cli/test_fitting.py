@@ -65,16 +65,19 @@ def test_columns_on_either_side_and_all_options(record: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["record.csv", "--free", "F_c"], "no column is called like a quantity"),
-        (["nothing.csv", "--free", "F_c"], "there is no such file"),
-        (["record.csv", "--free", "q", "--observe", "x=position"], "free.q: no parameter"),
+        (["record.csv", "--free", "F_c"], "no column has the name of a quantity"),
+        (["nothing.csv", "--free", "F_c"], "no such file"),
+        (["record.csv", "--free", "q", "--observe", "x=position"], "free.q: unknown parameter"),
         (["record.csv", "--free", "F_c=1", "--observe", "x=position"], "NAME=LOW:HIGH"),
         (["record.csv", "--free", "F_c", "--observe", "x=place"], "has no column 'place'"),
         (["record.csv", "--free", "F_c", "--observe", "x"], "NAME=NAME"),
-        (["record.csv", "--free", "F_c", "--observe", "x=position", "--loss", "l2"], "no loss"),
+        (
+            ["record.csv", "--free", "F_c", "--observe", "x=position", "--loss", "l2"],
+            "unknown loss",
+        ),
         (
             ["record.csv", "--free", "F_c", "--observe", "x=position", "--drive", "w=position"],
-            "no drive has this name",
+            "unknown drive",
         ),
     ],
 )

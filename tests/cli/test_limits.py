@@ -75,7 +75,7 @@ def test_a_motion_ends_at_its_limit() -> None:
 def test_a_cycle_that_is_not_found_in_time() -> None:
     found = RUNNER.invoke(app, "cycle rocking_toy --time-limit 1e-6 --out out".split())
     assert found.exit_code == 1 and found.stderr.count("\n") == 1
-    said = "a cycle of rocking_toy: none was found within the time limit of 1e-06 s"
+    said = "a cycle of rocking_toy: no result within the time limit of 1e-06 s"
     assert said in found.stderr
 
 
@@ -84,7 +84,7 @@ def test_points_of_a_map_that_take_too_long() -> None:
     over = "--over Q=0,0.4 --measure amplitude --max-time 1e9 --out m.zarr".split()
     found = RUNNER.invoke(app, ["sweep", "endless.toml", *over, "--time-limit", "0.2"])
     assert found.exit_code == 1, found.output
-    assert "1 of them took longer than the time limit" in ss.open("m.zarr").message
+    assert "1 of them reached the time limit" in ss.open("m.zarr").message
 
 
 @pytest.mark.usefixtures("endless")
@@ -99,11 +99,11 @@ def test_no_limit(limit: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (STIFF, "what was computed is in out"),
+        (STIFF, "the results so far are in out"),
         (("cycle", "catalogue.toml"), "nothing new was written"),
         (
             ("sweep", "endless.toml", "--over", "Q=0.4,0.5", "--measure", "amplitude"),
-            "the same command goes on",
+            "run the same command again to resume",
         ),
     ],
 )

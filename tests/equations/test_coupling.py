@@ -105,5 +105,5 @@ def test_what_masses_couple_is_limited() -> None:
         kinetic=f"({' + '.join(f'd_{x}**2' for x in names)})/2",
         contacts={"all": Contact(total, threshold=1.0)},
     )
-    with pytest.raises(DeclarationError, match="couple 201 of them directly"):
+    with pytest.raises(DeclarationError, match="couple 201 coordinates directly"):
         pose(system).rows  # noqa: B018

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import importlib.util
+import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -109,6 +113,31 @@ def test_05_crawler() -> None:
     assert found.x[0] ** 2 + 4 * found.x[1] ** 2 == pytest.approx(0.26, rel=1e-3)
     cheap = crawler.cheapest(before.speed, iterations=4)
     assert cheap.fun < before.cost_of_transport("2*m*g")
+
+
+def test_06_lecture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The links of the handout lead to the page that is served; the cells show certified motions.
+
+    What a phone draws behind each link is in tests/explorer.
+    """
+    pytest.importorskip("bokeh")
+    lecture = job(6)
+    monkeypatch.chdir(tmp_path)
+    page = ss.explore(lecture.STEPS[0].state, port=0, browser=False)
+    try:
+        assert page.address.endswith(lecture.STEPS[0].state)
+        lecture.prepared(page.address)
+        handout = Path("lecture.html").read_text(encoding="utf-8")
+        links = [html.unescape(link) for link in re.findall(r'href="(.*?)"', handout)]
+        assert links == list(lecture.links(page.address).values())
+        assert urlopen(links[0]).status == 200
+    finally:
+        page.close()
+    cells = [c["source"] for c in json.loads(Path("lecture.ipynb").read_text())["cells"]]
+    assert cells[0] == "import stickslip as ss" and cells[-1].startswith("ss.explore(")
+    for cell, step in zip(cells[1:-1], [s for s in lecture.STEPS if not s.panel], strict=True):
+        shown = eval(cell.partition("\n")[2], {"ss": ss})
+        assert shown.certificate.ok and shown.n_switches == step.motion().n_switches
 
 
 def test_07_own_friction_of_state() -> None:

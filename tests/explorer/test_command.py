@@ -49,7 +49,7 @@ def test_it_says_where_it_is_and_ends_with_ctrl_c() -> None:
     [
         (["rocking_to"], "Did you mean 'rocking_toy'?"),
         (["nowhere.toml"], "nowhere.toml"),
-        (["--host", "203.0.113.7"], "cannot be listened at"),
+        (["--host", "203.0.113.7"], "cannot listen on"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_line(words: list[str], said: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
@@ -32,6 +33,13 @@ def screen(chromium, explorer: Explorer) -> Iterator[Screen]:
 
 def assert_drawn(screen: Screen, motion: ss.Trajectory) -> None:
     """What the page has drawn is this motion: all its switches, and the numbers at all times."""
+    assert_holds(screen, motion)
+    lines = screen.js("explorer.model('motion3_lines').data.xs.length ?? 1")
+    assert lines
+
+
+def assert_holds(screen: Screen, motion: ss.Trajectory) -> None:
+    """The page has the numbers of this motion."""
     t = screen.numbers("explorer.motion.t")
     assert np.isin(motion.knots.time, t).all()
     values = motion.at(t)
@@ -41,8 +49,6 @@ def assert_drawn(screen: Screen, motion: ss.Trajectory) -> None:
         drawn = screen.numbers(f"explorer.motion.q['{name}']")
         size = np.abs(values[name]).max() or 1.0
         assert_allclose(drawn[smooth], values[name][smooth], rtol=0, atol=1e-6 * size)
-    lines = screen.js("explorer.model('motion3_lines').data.xs.length ?? 1")
-    assert lines
 
 
 def test_a_motion_is_drawn_as_it_is_computed(screen: Screen) -> None:
@@ -215,6 +221,29 @@ def test_by_keyboard_alone(screen: Screen) -> None:
     assert not screen.js("explorer.clock.playing")
 
 
+@pytest.mark.parametrize("number", range(5))
+def test_a_lecture_on_a_phone(screen: Screen, number: int) -> None:
+    """Each link of job 6, on a small dark screen, shows the motion that was computed for it."""
+    path = Path(__file__).parents[2] / "examples" / "jobs" / "06-lecture.py"
+    lecture = runpy.run_path(str(path))
+    step = lecture["STEPS"][number]
+    assert len(lecture["STEPS"]) == 5
+    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    screen.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    try:
+        screen.open(step.state, width=390, height=844).motion()
+        assert_holds(screen, step.motion())
+        assert screen.js("document.documentElement.scrollWidth") <= 390
+        assert screen.js("document.documentElement.dataset.theme") == "dark"
+        assert screen.js("explorer.state.panel") == (step.panel or "phase")
+        assert screen.js("document.querySelector('main > section.shown').dataset.panel") == (
+            step.panel or "phase"
+        )
+    finally:
+        screen.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        screen.driver.get("about:blank")  # the next test is not on a phone
+
+
 def taken(screen: Screen, form: str) -> dict:
     """What a page gives away."""
     screen.js("(explorer.taken = null, 1)")
@@ -329,7 +358,7 @@ def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
 
     screen.wait_for(busy, "a worker at work")
     busy()[0].process.kill()
-    screen.until("document.getElementById('toast').textContent.includes('new worker')")
+    screen.until("document.getElementById('toast').textContent.includes('a new one was started')")
     screen.js("explorer.change('model', () => { explorer.state = explorer.fresh('belt_block') })")
     screen.motion()
 

@@ -236,29 +236,29 @@ def test_what_an_fmu_does_not_do(tmp_path: Path) -> None:
     with running(path, tmp_path) as fmu:
         fmu.begin()
         fmu.step(0.0, 1.0)
-        fmu.is_refused(0.5, 0.2, "An FMU is not stepped backwards")
-        fmu.is_refused(1.0, -0.5, "An FMU is not stepped backwards")
-        fmu.is_refused(1.0, 0.0, "An FMU is not stepped backwards")
+        fmu.is_refused(0.5, 0.2, "An FMU cannot step backwards")
+        fmu.is_refused(1.0, -0.5, "An FMU cannot step backwards")
+        fmu.is_refused(1.0, 0.0, "An FMU cannot step backwards")
         fmu.is_refused(1.0, math.nan, "step: from 1 by nan")
         fmu.is_refused(1.0, math.inf, "step: from 1 by inf")
-        fmu.is_refused(1.5, 1.0, "begins at 1.5, while the FMU is at 1")
+        fmu.is_refused(1.5, 1.0, "begins at 1.5, but the FMU is at 1")
         for value in (math.nan, math.inf):
             fmu.put(F=value)
-            fmu.is_refused(1.0, 1.0, "inputs.F: it is")
+            fmu.is_refused(1.0, 1.0, "is not a finite number")
         fmu.put(F=1.0)
         fmu.step(1.0, 1.0)
         assert fmu.certified()
         fmu.put(mu=0.3)  # what it is
         fmu.step(2.0, 1.0)
         fmu.put(mu=0.4)
-        fmu.is_refused(3.0, 1.0, "mu: it is fixed once the initialization has ended")
+        fmu.is_refused(3.0, 1.0, "mu: it cannot be set after the initialization")
         assert not fmu.certified()
         fmu.fmu.terminate()
     with running(path, tmp_path) as fmu:
         fmu.begin()
         fmu.step(0.0, 1.0)
         fmu.fmu.terminate()
-        fmu.is_refused(1.0, 1.0, "it was terminated")
+        fmu.is_refused(1.0, 1.0, "the FMU was terminated")
         fmu.fmu.reset()
         fmu.begin()
         fmu.step(0.0, 1.0)
@@ -350,8 +350,8 @@ def test_the_tolerance_makes_it_more_accurate_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("write", "reason"),
     [
-        (lambda p: ss.export(block(), p / "a.fmu", inputs=["G"]), "inputs: 'G' is neither"),
-        (lambda p: ss.export(block(), p / "a.fmu", "y"), "there is no output 'y'"),
+        (lambda p: ss.export(block(), p / "a.fmu", inputs=["G"]), "inputs: 'G' is not a parameter"),
+        (lambda p: ss.export(block(), p / "a.fmu", "y"), "unknown output 'y'"),
         (lambda p: ss.export(block(), p / "none" / "a.fmu"), "cannot be written"),
         (lambda p: ss.export(block(), p / "a.csv"), "Simulate it first"),
         (lambda p: ss.export(block(), p / "a.xyz"), "Use .fmu or .py"),
@@ -388,12 +388,12 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     about = fmpy.read_model_description("b.fmu").modelVariables
     assert not [v for v in about if v.causality == "input"]
     for words, reason in (
-        (["belt_block"], "it is not said what is to be written"),
-        (["belt_block", "--fmi", "--python"], "Give one of them"),
-        (["belt_block", "--fmi", "--out", "b.csv"], "Call it b.fmu"),
-        (["belt_block", "--fmi", "--input", "q"], "neither a parameter nor a drive"),
+        (["belt_block"], "the file to write is not specified"),
+        (["belt_block", "--fmi", "--python"], "Use one of them"),
+        (["belt_block", "--fmi", "--out", "b.csv"], "Use b.fmu"),
+        (["belt_block", "--fmi", "--input", "q"], "is not a parameter or a drive"),
         (["nothing.toml", "--fmi"], "nothing.toml"),
-        (["b.nc", "--out", "b.csv", "--set", "k=1"], "a stored result is what it is"),
+        (["b.nc", "--out", "b.csv", "--set", "k=1"], "a stored result cannot be changed"),
     ):
         code, text = said(*words)
         assert code == 2 and reason in " ".join(text.split()) and "Traceback" not in text

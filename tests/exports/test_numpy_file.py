@@ -152,7 +152,7 @@ def pulled(by: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (ss.catalogue.puck, "contacts.table: it rubs in a plane"),
+        (ss.catalogue.puck, "contacts.table: it is a contact in a plane"),
         (ss.catalogue.bouncing_ball, "contacts.plate: it has a gap"),
         (ss.catalogue.rimless_wheel, "jumps.leg_exchange: it is a jump of the state"),
         (ss.catalogue.rocking_toy, "coordinates.x_R: it is rate-independent"),
@@ -188,7 +188,7 @@ def test_what_has_no_such_file(make: Any, reason: str, tmp_path: Path) -> None:
 
 def test_options_of_others_are_refused(tmp_path: Path) -> None:
     block = ss.catalogue.belt_block()
-    with pytest.raises(ss.DeclarationError, match="quantities: a file of Python has all"):
+    with pytest.raises(ss.DeclarationError, match="quantities: a Python file always has"):
         ss.export(block, tmp_path / "a.py", "x")
-    with pytest.raises(ss.DeclarationError, match="inputs: a file of Python has all"):
+    with pytest.raises(ss.DeclarationError, match="inputs: a Python file always has"):
         ss.export(block, tmp_path / "a.py", inputs=["V"])

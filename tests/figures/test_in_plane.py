@@ -108,7 +108,7 @@ def test_what_has_no_contact_in_a_plane_says_so() -> None:
     with pytest.raises(ss.DeclarationError, match="belt_block has no contact in a plane"):
         ss.figures.path_in_plane(axes, belt)
     puck = ss.simulate(ss.catalogue.puck())
-    with pytest.raises(ss.DeclarationError, match="no contact 'tabel' in a plane"):
+    with pytest.raises(ss.DeclarationError, match="unknown contact in a plane 'tabel'"):
         ss.figures.force_in_plane(axes, puck, "tabel")
 
 

@@ -91,3 +91,21 @@ def test_legends_are_read_row_by_row() -> None:
     places = [text.get_window_extent().get_points()[0] for text in texts]
     order = sorted(range(6), key=lambda k: (-round(places[k][1]), places[k][0]))
     assert [texts[k].get_text() for k in order] == [f"number {k} of six" for k in range(6)]
+
+
+def test_names_of_lines_are_in_their_panel() -> None:
+    """However much the layout changes the panel once labels and legend are there."""
+    response = ss.frequency_response(
+        ss.catalogue.forced_oscillator(F_c=0.1),
+        "omega",
+        (0.6, 1.4),
+        levels={"P": [0.13, 0.2, 1.5]},
+        points=9,
+    )
+    figure = response.plot("amplitude", "period", "dissipated", "phase")
+    found = boxes(figure)
+    assert len(found) >= 3
+    for text, corners in found:
+        assert text.axes is not None
+        frame = text.axes.get_window_extent()
+        assert all(frame.contains(*corner) for corner in corners), text.get_text()

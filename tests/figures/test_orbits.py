@@ -139,7 +139,7 @@ def test_phase_portrait_with_inertia() -> None:
 def test_phase_portrait_needs_a_plane() -> None:
     with pytest.raises(DeclarationError, match="no phase plane"):
         plot_phase_portrait(catalogue.rocking_toy(), {"psi": (-1.0, 1.0), "d_psi": (-1.0, 1.0)})
-    with pytest.raises(DeclarationError, match="needs ranges of U, alpha"):
+    with pytest.raises(DeclarationError, match="the ranges of U, alpha are missing"):
         plot_phase_portrait(SLIDER, {"U": (0.0, 1.0)})
 
 
@@ -155,7 +155,7 @@ def test_basin_map() -> None:
     (mesh,) = axes.collections
     assert np.array_equal(np.asarray(mesh.get_array()).reshape(5, 7), found["attractor"].values.T)
     assert axes.get_xlabel() == r"$\psi$  [$\mathrm{rad}$]"
-    with pytest.raises(DeclarationError, match="A picture needs two"):
+    with pytest.raises(DeclarationError, match="Select two"):
         plot_basin(found.isel(psi=0))
 
 
@@ -211,7 +211,7 @@ def test_whatever_was_measured_is_drawn_in_smooth_curves() -> None:
     figure = branch.plot(*names)
     labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     assert labels[0] == r"period  [$\mathrm{s}$]"
-    assert labels[2] == r"energy dissipated in a period  [$\mathrm{N\,m}$]"
+    assert labels[2] == r"energy dissipated per period  [$\mathrm{N\,m}$]"
     assert labels[3].endswith(r"[$\mathrm{N}$]")
     # Between the points, too, the period is that of the drive and the amplitude Den Hartog's.
     omega, period = (np.asarray(v) for v in figure.axes[0].get_lines()[0].get_data())

@@ -35,7 +35,7 @@ def test_one_kind_has_it_and_no_other() -> None:
     ss.figures.register(ss.Trajectory)(sketch)
     assert registry.registered(ss.Trajectory, "sketch") is sketch
     assert registry.registered(ss.Equilibria, "sketch") is None
-    with pytest.raises(DeclarationError, match="there is no 'sketch'"):
+    with pytest.raises(DeclarationError, match="unknown quantity 'sketch'"):
         ss.equilibria(TOY).plot("sketch")
 
 
@@ -55,6 +55,6 @@ def test_a_name_that_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(other, "__name__", "sketch")
     monkeypatch.setattr(other, "__module__", "somebody")
-    with pytest.raises(DeclarationError, match="has it already"):
+    with pytest.raises(DeclarationError, match="already registered by"):
         ss.figures.register(ss.Trajectory)(other)
     assert registry.registered(ss.Trajectory, "sketch") is sketch

@@ -81,5 +81,5 @@ def test_what_a_band_says(tmp_path: Path) -> None:
 def test_a_fit_of_initial_values_alone_moves_no_branch() -> None:
     record = synthetic.stribeck(0)
     found = ss.fit(record.system, record.data, {"x": (-1.0, 1.0)}, record.observe, starts=1)
-    with pytest.raises(ss.DeclarationError, match="no parameter was fitted"):
+    with pytest.raises(ss.DeclarationError, match="no fitted parameter"):
         found.continue_cycle("V", (0.05, 2.0))

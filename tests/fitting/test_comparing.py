@@ -56,10 +56,10 @@ def test_data_that_do_not_decide() -> None:
     found = ss.compare([system, system], data, free, starts=2)
     assert found.names == ["drag 1", "drag 2"]
     assert not found.decided
-    assert "do not decide" in found.verdict
+    assert "do not discriminate" in found.verdict
     assert found.flat["drag 1"] == ()
     assert found.flat["drag 2"] == ("e",)
-    assert "the data do not bound e" in found.message
+    assert "the data do not determine e" in found.message
 
 
 def test_stored_and_opened(tmp_path: Path) -> None:
@@ -84,5 +84,5 @@ def test_one_system_is_no_comparison() -> None:
     record = synthetic.forced(0)
     with pytest.raises(ss.DeclarationError, match="Give at least two"):
         ss.compare([record.system], record.data, record.free)
-    with pytest.raises(ss.DeclarationError, match="entries for more systems"):
+    with pytest.raises(ss.DeclarationError, match="differs from the number of systems"):
         ss.compare([record.system] * 2, record.data, [record.free])

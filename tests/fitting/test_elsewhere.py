@@ -114,7 +114,7 @@ def test_where_there_is_no_motion(problem: ss.FitProblem) -> None:
     assert problem.reason(outside)
     residuals = problem.jax()
     assert np.all(np.isinf(residuals(outside)))
-    with pytest.raises(Exception, match="there is no motion"):
+    with pytest.raises(Exception, match="the motion cannot be computed"):
         jax.block_until_ready(jax.jacfwd(residuals)(jnp.array(outside)))
 
 

@@ -122,7 +122,7 @@ def test_draws_have_the_covariance() -> None:
     assert np.all(table <= high[:, None])
     with pytest.raises(ss.DeclarationError, match="count"):
         found.draws(0)
-    with pytest.raises(ss.DeclarationError, match="no unknown of this fit"):
+    with pytest.raises(ss.DeclarationError, match="unknown name; it was not fitted"):
         found.profile("V")
 
 

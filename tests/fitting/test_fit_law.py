@@ -105,7 +105,7 @@ def test_what_follows_from_it(tmp_path: Path) -> None:
 def test_a_law_that_does_not_fit_is_noticed() -> None:
     found = ss.fit_law((V, forces("stribeck", V)), "coulomb", starts=2)
     assert found.statistics.weight < 0.5
-    assert any("correlated" in note for note in found.notes)
+    assert any("correlation" in note for note in found.notes)
     fixed = ss.fit_law(
         (V, forces("coulomb", V)), "static_kinetic", parameters={"F_s": 3.0}, starts=2
     )
@@ -114,16 +114,22 @@ def test_a_law_that_does_not_fit_is_noticed() -> None:
 
 WRONG: dict[str, tuple[Any, ...]] = {
     "2 speeds and 60 forces": ((V[:2], V), "coulomb"),
-    "points[1]: at the speed 0 the force is anything": (([1.0, 0.0], [1.0, 0.5]), "coulomb"),
+    "points[1]: at speed 0 the friction force is indeterminate": (
+        ([1.0, 0.0], [1.0, 0.5]),
+        "coulomb",
+    ),
     "points[0]: the force is nan": (([1.0, 2.0], [np.nan, 0.5]), "coulomb"),
-    "change its sign": ((V, -V), "coulomb"),
-    "the force of 'lugre' is not a formula of the speed": ((V, V), "lugre"),
+    "Change the sign": ((V, -V), "coulomb"),
+    "the force of 'lugre' is not a function of the speed": ((V, V), "lugre"),
     "the force of 'table' is not": ((V, V), "table"),
-    "there is no law 'stribek'": ((V, V), "stribek"),
-    "free.F_s: nothing that was measured depends": ((V, forces("coulomb", V)), "static_kinetic"),
-    "which columns hold speeds and forces": ({"a": V, "b": V, "c": V}, "coulomb"),
-    "an array of the shape (60,)": (V, "coulomb"),
-    "not all of them are numbers": (([1.0, "x"], [1.0, 2.0]), "coulomb"),
+    "unknown law 'stribek'": ((V, V), "stribek"),
+    "free.F_s: the data do not depend": ((V, forces("coulomb", V)), "static_kinetic"),
+    "it is ambiguous which columns have the speeds and forces": (
+        {"a": V, "b": V, "c": V},
+        "coulomb",
+    ),
+    "the array has shape (60,)": (V, "coulomb"),
+    "they are not all numbers": (([1.0, "x"], [1.0, 2.0]), "coulomb"),
     "free.q": ((V, V), "coulomb", ["q"]),
 }
 

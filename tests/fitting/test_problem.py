@@ -166,11 +166,11 @@ def test_a_motion_that_stops_is_a_bad_fit_with_a_reason() -> None:
     assert np.all(np.isinf(problem.residuals([3.0])))
     assert "step too small" in problem.reason([3.0])
     assert problem.log_likelihood([3.0]) == -np.inf
-    with pytest.raises(NoDerivative, match="no motion"):
+    with pytest.raises(NoDerivative, match="the motion cannot be computed"):
         problem.jacobian([3.0])
     found = ss.fit(system, {"t": t, "y": 1.0 / (1.0 - 0.2 * t)}, {"r": (0.01, 5.0)})
     assert found.estimate["r"] == pytest.approx(0.2, rel=1e-7)
-    assert any("given up (step too small" in note for note in found.notes)
+    assert any("abandoned (step too small" in note for note in found.notes)
 
 
 def test_likelihood_and_its_gradient() -> None:

@@ -151,7 +151,7 @@ def test_machine_code_is_kept(driver: Driver) -> None:
 @pytest.mark.parametrize(
     ("function", "error", "said"),
     [
-        ("cuInit", 100, "device: no CUDA device was found on this machine. Leave the work to the"),
+        ("cuInit", 100, "device: no CUDA device was found on this machine. Use device="),
         ("cuInit", 999, "the GPU: cuInit fails with CUDA_ERROR_OF_SOME_KIND"),
         ("cuMemAlloc_v2", 2, "Stand-in: its memory is full"),
         ("cuLinkComplete", 218, "cuLinkComplete fails with CUDA_ERROR_OF_SOME_KIND line 7: wrong"),

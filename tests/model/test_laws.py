@@ -138,11 +138,11 @@ def test_two_laws_along_one_direction_add_up() -> None:
 WRONG = [
     (
         'law = "stribek", direction = "d_x"',
-        "contacts.'foot'.law: there is no law 'stribek'. Did you mean 'stribeck'?",
+        "contacts.'foot'.law: unknown law 'stribek'. Did you mean 'stribeck'?",
     ),
     ('law = "Lu-Gre", direction = "d_x"', "Did you mean 'lugre'?"),
     ('law = ["dahl", "lugre"], direction = "d_x"', "contacts.'foot'.law: a contact has one law"),
-    ('law = 3, direction = "d_x"', "contacts.'foot'.law: expected a text, got a number"),
+    ('law = 3, direction = "d_x"', "contacts.'foot'.law: expected a string, got a number"),
     ('law = "dahl", F_c = 1, k = 2', "contacts.'foot'.direction: this key is missing"),
     (
         'law = "dahl", direction = 1, F_c = 1, k = 2',
@@ -154,15 +154,16 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x", F_c = 1, F_C = 2',
-        "contacts.'foot'.F_C: 'dahl' has no such parameter. Did you mean 'F_c'?",
+        "contacts.'foot'.F_C: unknown parameter of 'dahl'. Did you mean 'F_c'?",
     ),
     (
         'law = "dahl", direction = "d_x", threshold = 2',
-        "contacts.'foot'.threshold: 'dahl' has no such parameter. Known here: F_c, k",
+        "contacts.'foot'.threshold: unknown parameter of 'dahl'. Known here: F_c, k",
     ),
     (
         'law = "dahl", direction = "d_x", F_c = -1, k = 2',
-        "contacts.'foot'.F_c: -1 is outside the admissible range (0, inf). Choose a value inside",
+        "contacts.'foot'.F_c: -1 is outside the admissible range (0, inf). "
+        "Choose a value in this range",
     ),
     ('law = "dahl", direction = "d_x", F_c = "-F", k = 2', "contacts.'foot'.F_c: -1 is outside"),
     (
@@ -171,7 +172,7 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x", F_c = true, k = 2',
-        "contacts.'foot'.F_c: expected a formula or a list of them, got true or false",
+        "contacts.'foot'.F_c: expected a formula or a list of formulas, got true or false",
     ),
     (
         'law = "dahl", direction = "d_x", F_c = [1, 2], k = 2',
@@ -192,7 +193,8 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x + F", F_c = 1, k = 2',
-        "contacts.'foot'.direction: it contains 'F', which is no rate. Put it under surface_speed",
+        "contacts.'foot'.direction: it contains 'F', which is not a rate. "
+        "Move it to 'surface_speed'",
     ),
     (
         'law = "bouc_wen", direction = "d_x", F_c = 1, k = 2, sigma = 0.4',
@@ -200,11 +202,11 @@ WRONG = [
     ),
     (
         'law = "iwan", direction = "d_x", F_c = 1, k = 2, elements = 2.5',
-        "contacts.'foot'.elements: not a whole number between 1 and 1000",
+        "contacts.'foot'.elements: not an integer between 1 and 1000",
     ),
     (
         'law = "iwan", direction = "d_x", F_c = 1, k = 2, elements = "F"',
-        "contacts.'foot'.elements: not a whole number",
+        "contacts.'foot'.elements: not an integer",
     ),
     (
         'law = "maxwell_slip", direction = "d_x", F_c = 1, k = [2]',
@@ -212,7 +214,7 @@ WRONG = [
     ),
     (
         'law = "maxwell_slip", direction = "d_x", F_c = [1, 2], k = [2]',
-        "its lists differ: F_c has 2 and k has 1",
+        "its lists have different lengths: 'F_c' has 2 and 'k' has 1",
     ),
     (
         'law = "maxwell_slip", direction = "d_x", F_c = [1, -2], k = [2, 1]',
@@ -241,7 +243,7 @@ def test_names_that_are_taken() -> None:
             ss.laws.dahl("d_x", F_c=1, k=2),
             internal={"z_right_foot": ss.Internal("-z_right_foot")},
         )
-    with pytest.raises(DeclarationError, match="needs the name 'foot 1', which is taken"):
+    with pytest.raises(DeclarationError, match="needs the name 'foot 1', which is already used"):
         _ = ss.System(
             "both",
             coordinates={"x": ss.Inertial()},
@@ -312,5 +314,5 @@ def test_what_is_added_to_a_force_does_not_end_it(end: str) -> None:
 
 
 def test_lines_after_a_comment_are_not_lost() -> None:
-    with pytest.raises(DeclarationError, match="'#' cannot stand in a formula"):
+    with pytest.raises(DeclarationError, match="'#' is not allowed in a formula"):
         block(ss.Contact("d_x", 1.0), potential="x**2/2 # soft\n + x**4/4 # hard")

@@ -44,7 +44,7 @@ def test_a_motion_under_noise_is_certified_and_repeated_exactly() -> None:
         ({"period": 1e-9}, "period.*samples"),
         ({"deviation": -1.0}, "deviation"),
         ({"seed": -1}, "seed"),
-        ({"kind": "white"}, "there is no kind 'white'"),
+        ({"kind": "white"}, "unknown kind 'white'"),
     ],
 )
 def test_bad_input(given: dict[str, Any], reason: str) -> None:

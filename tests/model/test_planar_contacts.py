@@ -22,17 +22,27 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "one component": (
         {"direction": ("d_x",)},
         "direction",
-        "two or three of them",
+        "one to three linear combinations",
         "['d_x', 'd_y']",
     ),
     "three components": (
         {"direction": ("d_x", "d_y", "d_u")},
         "axes",
-        "there are 2 for 3 directions",
+        "expected 3 half axes, one for each direction, got 2",
         "disc(v1, v2, a*v3)",
     ),
-    "no component": ({"direction": ()}, "direction", "two or three of them", "['d_x', 'd_y']"),
-    "numbers": ({"direction": (1, 2)}, "direction", "two or three of them", "['d_x', 'd_y']"),
+    "no component": (
+        {"direction": ()},
+        "direction",
+        "one to three linear combinations",
+        "['d_x', 'd_y']",
+    ),
+    "numbers": (
+        {"direction": (1, 2)},
+        "direction",
+        "one to three linear combinations",
+        "['d_x', 'd_y']",
+    ),
     "a product": (
         {"direction": ("d_x*d_y", "d_y")},
         "direction",
@@ -55,7 +65,7 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
         {"direction": ("d_x - 0.3", "d_y")},
         "direction",
         "it contains the constant -0.3",
-        "Put it under surface_speed",
+        "Move it to 'surface_speed'",
     ),
     "an unknown name": ({"direction": ("d_x", "d_q")}, "direction", "unknown name 'd_q'", ""),
     "two kinds": (
@@ -67,53 +77,58 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "one line": (
         {"direction": ("d_x + d_y", "-2*d_x - 2*d_y")},
         "direction",
-        "both of its components are along one line",
+        "both of its components are parallel",
         "two independent combinations",
     ),
     "twice the same": (
         {"direction": ("d_x", "d_x")},
         "direction",
-        "both of its components are along one line",
+        "both of its components are parallel",
         "two independent combinations",
     ),
     "one line by a parameter": (
         {"direction": ("s*d_x + d_y", "2*s*d_x + 2*d_y")},
         "direction",
-        "both of its components are along one line",
+        "both of its components are parallel",
         "two independent combinations",
     ),
-    "an axis of zero": ({"axes": (0, 1)}, "axes", "0 is outside", "inside"),
-    "a negative axis": ({"axes": (1, "a")}, "axes", "-1 is outside", "inside"),
+    "an axis of zero": ({"axes": (0, 1)}, "axes", "0 is outside", "in this range"),
+    "a negative axis": ({"axes": (1, "a")}, "axes", "-1 is outside", "in this range"),
     "an axis that is none": ({"axes": (float("nan"), 1)}, "axes", "not finite", "finite number"),
     "an endless axis": ({"axes": (1, float("inf"))}, "axes", "not finite", "finite number"),
     "one axis": ({"axes": 2.0}, "axes", "half axes, got a number", "["),
-    "three axes": ({"axes": (1, 1, 1)}, "axes", "there are 3 for 2 directions", "["),
-    "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' may not stand here", "parameters"),
-    "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' may not stand here", "parameters"),
+    "three axes": (
+        {"axes": (1, 1, 1)},
+        "axes",
+        "expected 2 half axes, one for each direction, got 3",
+        "[",
+    ),
+    "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' is not allowed here", "parameters"),
+    "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' is not allowed here", "parameters"),
     "two thresholds": (
         {"threshold": ("s", "s")},
         "threshold",
-        "a contact in a plane has one",
-        "its axes where friction is not the same",
+        "a contact in a plane has a single threshold",
+        "for anisotropic friction add 'axes'",
     ),
     "two kinetic forces": (
         {"kinetic": ("s", "s/2")},
         "kinetic",
-        "a contact in a plane has one",
-        "its axes where friction is not the same",
+        "a contact in a plane has a single threshold",
+        "for anisotropic friction add 'axes'",
     ),
-    "kinetic above static": ({"kinetic": "2*s"}, "kinetic", "not between 0 and", "at most"),
-    "a negative threshold": ({"threshold": "-s"}, "threshold", "never negative", "max("),
+    "kinetic above static": ({"kinetic": "2*s"}, "kinetic", "not between 0 and", "Reduce"),
+    "a negative threshold": ({"threshold": "-s"}, "threshold", "must not be negative", "max("),
     "one speed": (
         {"surface_speed": "0.3*t"},
         "surface_speed",
-        "a velocity of two components",
+        "needs two components",
         "['0.3*t', 0]",
     ),
     "three speeds": (
         {"surface_speed": (1, 2, 3)},
         "surface_speed",
-        "a velocity of two components",
+        "needs two components",
         "['V', 0]",
     ),
     "two speeds along a line": (
@@ -125,7 +140,7 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "axes along a line": (
         {"direction": "d_x", "axes": (1, 2)},
         "axes",
-        "a contact along a line has none",
+        "only a contact in a plane has axes",
         "leave the axes out",
     ),
 }
@@ -216,7 +231,7 @@ def test_the_good_one_is_accepted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("taken", ["table 1", "table 2"])
 def test_names_of_its_components_are_taken(taken: str) -> None:
     other = Contact("d_u", 1.0)
-    with pytest.raises(DeclarationError, match=f"need the name '{taken}', which is taken"):
+    with pytest.raises(DeclarationError, match=f"need the name '{taken}', which is already used"):
         declared(**{taken.replace(" ", "_"): other, "table": contact({})})
 
 

@@ -10,9 +10,18 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.model.entries.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
+from stickslip.model.entries.units import (
+    UNIT_NAMES,
+    agree,
+    factors,
+    in_si,
+    lowest_terms,
+    unit_text,
+    with_unit,
+)
 from stickslip.model.quantities import (
     contact_key,
+    described,
     energy_unit,
     force_unit,
     per_time,
@@ -293,3 +302,33 @@ def test_without_units_all_is_dimensionless() -> None:
     assert per_time(SimpleNamespace(time_unit="s"), "kg*m^2/s") == "kg*m^2/s^2"  # type: ignore[arg-type]
     with pytest.raises(KeyError, match="nothing"):
         quantity(block(), "nothing")
+
+
+def test_a_stick_fraction_says_of_which_contact_it_is() -> None:
+    """In every table and picture, also where there is one contact only, or one in a plane."""
+    toy, puck = ss.catalogue.rocking_toy(), ss.catalogue.puck()
+    assert described(toy, "stick_fraction")["long_name"] == "stick fraction of all contacts"
+    for name in toy.contacts:
+        said = described(toy, f"stick_fraction:{name}")["long_name"]
+        assert said == f"stick fraction of {name}"
+    (only,) = puck.contacts
+    for measure in ("stick_fraction", f"stick_fraction:{only}"):
+        assert described(puck, measure)["long_name"] == f"stick fraction of {only}"
+    cycle = ss.find_cycle(toy)
+    points = ss.continue_cycle(cycle, "P", (0.99, 1.01)).points
+    assert "all contacts" in points["stick_time"].attrs["long_name"]
+    for name in toy.contacts:
+        said = points[f"stick_time_{contact_key(name)}"].attrs["long_name"]
+        assert said == f"time in which {name} sticks"
+    assert "of all contacts" in cycle.describe() and "of all contacts" in str(cycle.rows())
+
+
+def test_numbers_below_a_million_have_no_power_of_ten() -> None:
+    said = {
+        4e4: "40000 N",
+        123456.7: "123500 N",
+        4e6: "4e+06 N",
+        2e-5: "2e-05 N",
+        -7e5: "-700000 N",
+    }
+    assert {value: with_unit(value, "N", 4) for value in said} == said

@@ -83,46 +83,46 @@ REFUSED: dict[str, Callable[[], System]] = {
         {"one": Contact("d_x", 1.0), "two": Contact("d_x", 2.0)},
         potential="x**2/2",
     ),
-    "a contact of rate-independent coordinates moves one of them": lambda: body(
+    "a contact of rate-independent coordinates must act on exactly one of them": lambda: body(
         {"x": RateIndependent(), "y": RateIndependent()},
         {"one": Contact("d_x - d_y", 1.0), "two": Contact("d_y", 1.0)},
         potential="(x**2 + y**2)/2",
     ),
-    "without inertia or viscosity the drop to the kinetic force is a jump": lambda: body(
+    "a kinetic force below the threshold needs inertia or viscosity": lambda: body(
         {"x": RateIndependent()}, {"one": Contact("d_x", 1.0, kinetic=0.5)}, potential="x**2/2"
     ),
-    "for viscous coordinates it may not depend on the speed": lambda: body(
+    "for viscous coordinates the kinetic force must not depend on the speed": lambda: body(
         {"x": Viscous()},
         {"one": Contact("d_x", 1.0, kinetic="0.5 + 0.5*exp(-speed)")},
         viscous="d_x**2/2",
     ),
-    "it joins": lambda: body(
+    "it combines": lambda: body(
         {"x": Inertial(), "y": Viscous()},
         {"one": Contact("d_x - d_y", 1.0)},
         kinetic=FREE,
         viscous="d_y**2/2",
     ),
-    "has a drag, whose rate no contact may hold": lambda: body(
+    "has a drag, so a contact cannot act on its rate": lambda: body(
         {"x": Viscous(drag="d_x + d_x**3")}, {"one": Contact("d_x", 1.0)}
     ),
-    "it depends on q, and its coordinates are viscous": lambda: body(
+    "its coefficients depend on q, but its coordinates are viscous": lambda: body(
         {"x": Viscous(), "q": Inertial()},
         {"one": Contact("(1 + q**2)*d_x", 1.0)},
         kinetic="d_q**2/2",
         viscous="d_x**2/2",
     ),
-    "a contact that can open moves inertial coordinates": lambda: body(
+    "a contact with a gap needs inertial coordinates": lambda: body(
         {"x": Viscous(), "y": Inertial()},
         {"floor": Unilateral("y", "d_x", mu=0.3)},
         kinetic="d_y**2/2",
         viscous="d_x**2/2",
     ),
-    "evolutions without mass take a SupportFormula": lambda: body(
+    "for an evolution without mass use a SupportFormula": lambda: body(
         {"x": Viscous(), "y": Viscous()},
         {"scales": Contact(("d_x", "d_y"), 1.0, dissipation="sqrt(v1**2 + 2*v2**2)")},
         viscous="(d_x**2 + d_y**2)/2",
     ),
-    "and the contact has a dissipation of its own": lambda: body(
+    "which a contact with a dissipation does not support": lambda: body(
         masses("x", "y", "z"),
         {
             "floor": Unilateral("z"),
@@ -133,10 +133,10 @@ REFUSED: dict[str, Callable[[], System]] = {
         kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
         potential="z",
     ),
-    "it has a dissipation of its own, beside the friction of": rolled,
-    "directions that turn hold": turning,
-    "no law tells how the body shares its weight": lambda: on_legs(4),
-    "in a plane it is not proportional to": lambda: body(
+    "acts in a plane on the same body": rolled,
+    "state-dependent contact directions act on": turning,
+    "the normal forces of the body are statically indeterminate": lambda: on_legs(4),
+    "in a plane it must be proportional to": lambda: body(
         masses("x", "y", "z"),
         {"floor": Unilateral("z"), "table": Contact(("d_x", "d_y"), "1 + 0.3*normal_floor")},
         kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
@@ -148,22 +148,22 @@ REFUSED: dict[str, Callable[[], System]] = {
         kinetic="(d_x**2 + d_z**2)/2",
         potential="z",
     ),
-    "without mass, it slips along forces": lambda: body(
+    "a contact in a plane without mass slips in the direction of the force": lambda: body(
         {"x": Viscous(), "y": Viscous()},
         {"table": Contact(("d_x", "d_y"), 1.0), "rail": Contact("d_x", 1.0)},
         viscous="(d_x**2 + d_y**2)/2",
     ),
-    "the viscosity of its components is not the same": lambda: body(
+    "the viscosities of its components differ": lambda: body(
         {"x": Viscous(), "y": Viscous()},
         {"table": Contact(("d_x", "d_y"), 1.0)},
         viscous="d_x**2/2 + d_y**2",
     ),
-    "each of the two vanishes where the other does not": lambda: body(
+    "each of them vanishes where the other does not": lambda: body(
         masses("x"),
         {"one": Contact("(x - 1)*d_x", 1.0), "two": Contact("(x - 2)*d_x", 1.0)},
         kinetic=FREE,
     ),
-    "whose friction rebounds differently": lambda: body(
+    "but another tangential restitution": lambda: body(
         masses("x", "y"),
         {
             "one": Unilateral("y", "d_x", mu=0.3, tangential_restitution=0.5),

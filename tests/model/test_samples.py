@@ -126,14 +126,14 @@ def shaken(samples: ss.Samples) -> ss.System:
 
 
 WRONG = {
-    "there is no kind 'cubik'": ([0.0, 1.0], [0.0, 1.0], "cubik", False),
+    "unknown kind 'cubik'": ([0.0, 1.0], [0.0, 1.0], "cubik", False),
     "2 times and 3 values": ([0.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
-    "times[2]: the time 1 stands twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
+    "times[2]: the time 1 occurs twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
     "times[2]: the time 0.5 comes after 1": ([0.0, 1.0, 0.5], [0.0, 1.0, 2.0], "linear", False),
     "values[1]: nan is not a number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
     "times: expected numbers, got [0.0": ([0.0, "x"], [0.0, 1.0], "linear", False),
     "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
-    "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
+    "too close to each other": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
 }
 
 
@@ -148,14 +148,14 @@ def test_wrong_samples(reason: str) -> None:
 
 FILES = {
     "line 3, column 'a': 'x' is not a number": "t,a\n0,1\n1,x\n",
-    "line 3, column 'a': there is no value": "t,a\n0,1\n1\n",
-    "line 4, column 't': the time 0 stands twice": "# base\nt;a\n0;1\n0;2\n",
+    "line 3, column 'a': the value is missing": "t,a\n0,1\n1\n",
+    "line 4, column 't': the time 0 occurs twice": "# base\nt;a\n0;1\n0;2\n",
     "line 3, column 't': the time 0 comes after 1": "t\ta\n1\t2\n0\t3",
     "line 3, column 'a': nan is not a number": "t a\n0 1\n1 nan\n",
-    "there is no column 'a'. Known here: t, acc": "t,acc\n0,1\n1,2\n",
+    "unknown column 'a'. Known here: t, acc": "t,acc\n0,1\n1,2\n",
     "the file is empty": "\n",
-    "this is no text file": "\0\1\2",
-    "there is no such file": None,
+    "not a text file": "\0\1\2",
+    "no such file": None,
 }
 
 
@@ -184,7 +184,7 @@ def test_files(tmp_path: Path) -> None:
     (tmp_path / "shaken.toml").write_text(named)
     assert ss.load(tmp_path / "shaken.toml") == shaken(ss.Samples([0, 2], [1, 3]))
     (tmp_path / "shaken.toml").write_text(named.replace('"base.csv"', '"base.cvs"'))
-    with pytest.raises(ss.DeclarationError, match=r"base\.cvs: there is no such file"):
+    with pytest.raises(ss.DeclarationError, match=r"base\.cvs: no such file"):
         ss.load(tmp_path / "shaken.toml")
 
 
@@ -263,9 +263,9 @@ TABLES = {
     "only blanks": (b" \n\n", "is empty"),
     "decimal commas": (b"t;x\n0,0;1,0\n1,0;2,0\n2,5;3,5\n", "decimal points"),
     "decimal commas, commas": (b"t,x\n0,0,1,0\n1,0,2,0\n2,5,3,5\n", "decimal points"),
-    "UTF-16": ("t,x\n0,1\n".encode("utf-16"), "no text file|not UTF-8"),
+    "UTF-16": ("t,x\n0,1\n".encode("utf-16"), "not a text file|not UTF-8"),
     "Latin": ("t,x\n0,1\n# Größe\n".encode("latin-1"), "not UTF-8"),
-    "binary": (bytes(range(256)), "no text file"),
+    "binary": (bytes(range(256)), "not a text file"),
 }
 
 
@@ -290,8 +290,8 @@ def test_what_is_no_table(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo")
     places = {
         tmp_path: "a directory",
-        tmp_path / "fifo": "no file that has an end",
-        Path("/dev/zero"): "no file that has an end",
+        tmp_path / "fifo": "not a regular file",
+        Path("/dev/zero"): "not a regular file",
         tmp_path / "none.csv": "no such file",
         tmp_path / ("x" * 5000): "cannot be read",
     }

@@ -132,7 +132,7 @@ def test_a_span_is_given_to_whatever_looks_for_what_settles() -> None:
     assert found["period"].values[0] == pytest.approx(cycle.period, rel=1e-9)
     over = {"psi": "0.0:1.0:2", "d_psi": "0.0:1.0:2"}
     assert ss.basin(toy, over, **late).system.span == (7.0, 60.0)
-    with pytest.raises(DeclarationError, match="a motion, a cycle or a Hopf point has a time"):
+    with pytest.raises(DeclarationError, match="a motion, a cycle or a Hopf point already defines"):
         ss.find_cycle(toy, cycle, **late)
     wrong: tuple[float, float] = (3.0, 3.0)
     for call in (

@@ -172,7 +172,7 @@ def test_outside() -> None:
     assert mixed([-5.0, 9.0]).tolist() == [1.0, -6.0]
     system = holding(refused)
     assert np.isnan(system.evaluate("F(x)", {"x": 3.1})) and system.evaluate("F(3)") == 0.0
-    with pytest.raises(DeclarationError, match=r"the table 'F' is known from 0 to 3, not at 4"):
+    with pytest.raises(DeclarationError, match=r"the table 'F' covers 0 to 3, not 4"):
         spring("F(4)*x", tables={"F": refused})
 
 
@@ -252,21 +252,21 @@ def test_files(tmp_path: Path) -> None:
 
 
 WRONG: dict[str, tuple[Any, ...]] = {
-    "kind: there is no 'cubik'": ([0, 1], [0, 1], "cubik"),
-    "outside: there is no 'no'": ([0, 1], [0, 1], "linear", "no"),
+    "kind: unknown option 'cubik'": ([0, 1], [0, 1], "cubik"),
+    "outside: unknown option 'no'": ([0, 1], [0, 1], "linear", "no"),
     "2 points and 3 values": ([0, 1], [0, 1, 2]),
     "1 points and 1 values": ([0], [0]),
-    "points[2]: the point 1 stands twice": ([0, 1, 1], [0, 1, 2]),
+    "points[2]: the point 1 occurs twice": ([0, 1, 1], [0, 1, 2]),
     "points[2]: the point 0.5 comes after 1. Sort the rows": ([0, 1, 0.5], [0, 1, 2]),
     "values[1]: nan is not a number": ([0, 1], [0, np.nan]),
     "points[1]: inf is not a number": ([0, np.inf], [0, 1]),
-    "too close to be told apart": ([1e9, 1e9 + 1e-6], [0, 1]),
-    "points: not all of them are numbers": ([0, "x"], [0, 1]),
-    "the shape (2, 3), and the axes have 2 and 2": (([0, 1], [0, 1]), [[1, 2, 3], [4, 5, 6]]),
+    "too close to each other": ([1e9, 1e9 + 1e-6], [0, 1]),
+    "points: they are not all numbers": ([0, "x"], [0, 1]),
+    "shape (2, 3), but the axes have 2 and 2": (([0, 1], [0, 1]), [[1, 2, 3], [4, 5, 6]]),
     "values[1][0]: nan is not a number": (([0, 1], [0, 1]), [[1, 2], [np.nan, 2]]),
     "axis 2, points[1]: the point 0 comes after 1": (([0, 1], [1, 0]), [[1, 2], [3, 4]]),
-    "a surface is not monotone in one way": (([0, 1], [0, 1]), [[1, 2], [3, 4]], "pchip"),
-    "a monotone curve is not linear in its values": ([0, 1], [0, "p"], "pchip"),
+    "is not available for surfaces": (([0, 1], [0, 1]), [[1, 2], [3, 4]], "pchip"),
+    "is not available for values that are formulas": ([0, 1], [0, "p"], "pchip"),
 }
 
 
@@ -280,16 +280,16 @@ def test_wrong_tables(reason: str) -> None:
 
 FILES = {
     "line 3, column 'mu': 'x' is not a number": "v,mu\n0,1\n1,x\n",
-    "line 3, column 'mu': there is no value": "v,mu\n0,1\n1\n",
+    "line 3, column 'mu': the value is missing": "v,mu\n0,1\n1\n",
     "line 3, column 'mu': nan is not a number": "v,mu\n0,1\n1,nan\n",
-    "line 4, column 'v': the point 0 stands twice": "# dry\nv;mu\n0;1\n0;2\n",
+    "line 4, column 'v': the point 0 occurs twice": "# dry\nv;mu\n0;1\n0;2\n",
     "line 3, column 'v': the point 0 comes after 1": "v\tmu\n1\t2\n0\t3",
-    "there is no column 'mu'. Known here: v, nu": "v,nu\n0,1\n1,2\n",
-    "there are numbers where names of columns should be": "0,1\n1,2\n",
+    "unknown column 'mu'. Known here: v, nu": "v,nu\n0,1\n1,2\n",
+    "the header line has numbers instead of column names": "0,1\n1,2\n",
     "decimal points": "v;mu\n0,0;1,0\n1,0;2,0\n",
     "the file is empty": "\n",
-    "this is no text file": "\0\1\2",
-    "there is no such file": None,
+    "not a text file": "\0\1\2",
+    "no such file": None,
 }
 
 
@@ -299,7 +299,7 @@ def test_wrong_files(reason: str, tmp_path: Path) -> None:
     text = FILES[reason]
     if text is not None:
         (tmp_path / "mu.csv").write_text(text)
-    named: Any = () if reason.startswith("there are numbers") else ("v", "mu")
+    named: Any = () if reason.startswith("the header line") else ("v", "mu")
     with pytest.raises(DeclarationError) as error:
         ss.Table.read(tmp_path / "mu.csv", *named)
     assert reason in str(error.value) and error.value.remedy
@@ -309,9 +309,9 @@ def test_wrong_grids(tmp_path: Path) -> None:
     file = tmp_path / "grid.csv"
     for text, reason in (
         ("x y z\n0 0 1\n1 2 4\n1 0 3\n", "no row for x = 0, y = 2"),
-        ("x y z\n0 0 1\n0 0 4\n1 0 3\n", "line 3: x = 0, y = 0 stands in line 2 already"),
+        ("x y z\n0 0 1\n0 0 4\n1 0 3\n", "line 3: x = 0, y = 0 is already in line 2"),
         ("x y z\n0 nan 1\n0 1 4\n1 0 3\n", "line 2, column 'y': nan is not a number"),
-        ("x y z w\n0 0 1 2\n", "which column has the values is not clear"),
+        ("x y z w\n0 0 1 2\n", "it is ambiguous which column has the values"),
     ):
         file.write_text(text)
         with pytest.raises(DeclarationError, match=reason):
@@ -324,7 +324,10 @@ def test_wrong_declarations() -> None:
         ({"tables": {"F": [[0, 1], [1, 2]]}}, r"tables\.F: expected a table"),
         ({"tables": {"sin": table}}, "has a fixed meaning"),
         ({"tables": {"F": table}, "functions": {"F(s)": "s"}}, "declared twice"),
-        ({"tables": {"F": ss.Table([0, 1], ["x", 1])}}, r"tables\.F, values\[0\]: 'x' may not"),
+        (
+            {"tables": {"F": ss.Table([0, 1], ["x", 1])}},
+            r"tables\.F, values\[0\]: 'x' is not allowed",
+        ),
         ({"tables": {"F": ss.Table([0, 1], ["a b", 1])}}, r"values\[0\].*is not a formula"),
         ({"tables": {"F": table}, "force": "F(x, 1)"}, "takes 1 argument"),
         ({"tables": {"F": table}, "force": "F"}, "takes 1 argument"),

@@ -269,7 +269,7 @@ def test_a_mass_that_hovers_is_not_held() -> None:
 
 def test_an_adhesion_is_never_negative() -> None:
     for N0 in ("-1", "sin(t)"):
-        with pytest.raises(ss.DeclarationError, match=r"adhesion: it .*largest pull"):
+        with pytest.raises(ss.DeclarationError, match=r"adhesion: .*largest tensile force"):
             ss.System(
                 "wrong",
                 coordinates={"y": ss.Inertial()},

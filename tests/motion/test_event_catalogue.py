@@ -135,7 +135,7 @@ def test_pieces() -> None:
     second = ss.simulate(system, (quiet, 100.0), initial=state).event_catalogue()
     again = ss.EventCatalogue.joined([first, second])
     assert len(again) == len(whole)
-    for wrong, said in ((pieces[::-1], "before the end"), ([], "there are none")):
+    for wrong, said in ((pieces[::-1], "before the end"), ([], "no catalogue was given")):
         with pytest.raises(DeclarationError, match=said):
             ss.EventCatalogue.joined(wrong)
     other = ss.simulate(system, (200.0, 210.0), parameters={"V": 0.2}).event_catalogue()
@@ -281,4 +281,4 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert fast.exit_code == 0 and "while a rate is above 0.31 m/s" in fast.output
     again = run(app, ["events", str(folder / "catalogue.nc")])
-    assert again.exit_code == 2 and "no motion" in again.output
+    assert again.exit_code == 2 and "not a motion" in again.output

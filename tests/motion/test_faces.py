@@ -257,8 +257,8 @@ def test_speed_of_a_face_is_its_mean_speed():
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        ({}, "3 directions"),
-        ({"axes": (1.0, 0.5)}, "3 directions"),
+        ({}, "one for each direction"),
+        ({"axes": (1.0, 0.5)}, "expected 3 half axes, one for each direction"),
         ({"axes": (1.0, 1.0, 0.0)}, "inf"),
         ({"dissipation": "disc(v1, v2)"}, "argument"),
         ({"dissipation": "disc(v1, v2, v3) - 1.2*v1"}, "nonnegative|convex"),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +20,11 @@ from stickslip.motion.audit.accounts import Accounts, make_accounts
 from stickslip.motion.audit.flights.aloft import make_aloft
 from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
 from stickslip.motion.audit.step_balance import audit_steps
+from stickslip.motion.problem import pose
 from stickslip.motion.record.audited import audited
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.steps.arrays import Record
+from stickslip.motion.trajectory import Trajectory
 
 SPAN = (0.0, 0.12)
 
@@ -103,6 +107,67 @@ def test_both_say_the_same(name: str) -> None:
     known = audit.known
     np.testing.assert_allclose(low[known], wanted.sums.low[known], rtol=1e-9)
     np.testing.assert_allclose(high[known], wanted.sums.high[known], rtol=1e-9)
+
+
+def stuck() -> ss.System:
+    """Two masses, one of them stiff, that a contact holds together: a load turns thousands of times
+    while nothing slips."""
+    return ss.System(
+        name="stuck",
+        structures={"u": ss.Structure(np.eye(2), np.diag([1.0, 1e4]), ss.ModalDamping(0.01))},
+        forces={"u[0]": "cos(20*t)"},
+        contacts={"rub": ss.Contact("d_u[0] + d_u[1]", "s")},
+        parameters={"s": 10.0},
+        span=(0.0, 2000.0),
+    )
+
+
+@pytest.mark.parametrize("part", [0.9, 0.5])
+def test_what_is_doubted_is_added_up_once(part: float) -> None:
+    """With a lower threshold the flight obeys the equations, but the law only at first. What
+    was added up of it until then is taken back."""
+    system = replace(stuck(), forces={"u[0]": "cos(20*t) + t"}, span=(0.0, 8.0))
+    m = ss.simulate(system)
+    assert as_a_whole(m, m.knots).whole == 1
+    lower = pose(system, {"s": part * float(m.audit.sums.peak[0])})
+    motion = Trajectory(lower, m.t_span, m.knots, m.outcome)
+    found = as_a_whole(motion, m.knots, m._problem.closed_forms)
+    wanted = piece_by_piece(motion, m.knots)
+    assert found.whole == 0
+    for what in ("work", "impulse"):
+        one, other = getattr(found.accounts.sums, what), getattr(wanted.sums, what)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-15)
+
+
+def test_a_long_flight_under_a_load_is_one() -> None:
+    """It is no reason to follow the flight at the pace of its fastest mode, 200,000 pieces, neither
+    in the audit nor between the knots, nor when it comes from a file."""
+    m = ss.simulate(stuck())
+    assert len(m.knots.clock) < 10
+    assert as_a_whole(m, m.knots).whole >= 1
+    assert m.certificate.ok
+
+
+def test_values_in_a_long_flight_are_those_of_the_closed_form(tmp_path: Path) -> None:
+    """Once what is fast has decayed, all is a wave: u[0] = −u[1] = Re z exp(20it)."""
+    m = ss.simulate(stuck())
+    m.save(tmp_path / "stuck.nc")
+    stored = ss.open(tmp_path / "stuck.nc")
+    stiffness, damping = (1.0 + 1e4) / 2.0, (0.02 + 2.0) / 2.0
+    z = 0.5 / (stiffness - 20.0**2 + 20j * damping)
+    t = np.linspace(100.0, 2000.0, 1234)
+    wave = z * np.exp(20j * t)
+    for one in (m, stored):
+        assert one.certificate.ok
+        at = one.at(t)
+        np.testing.assert_allclose(at["u[0]"], wave.real, rtol=0, atol=1e-12 * abs(z))
+        np.testing.assert_allclose(at["d_u[0]"], (20j * wave).real, rtol=0, atol=2e-11 * abs(z))
+        # of the load, in whole turns: what is dissipated, |20 z|² · damping, as no energy is left
+        turns = 2.0 * np.pi / 20.0 * np.array([400.0, 500.0])
+        fed = np.diff(one.at(turns)["supplied_energy"])[0]
+        lost = np.diff(one.at(turns)["dissipated_energy"])[0]
+        mean = abs(20.0 * z) ** 2 * damping * np.diff(turns)[0]
+        np.testing.assert_allclose([fed, lost], mean, rtol=1e-9)
 
 
 def changed(of: str, change: Callable[[Array], None]) -> Callable[[ClosedForms], ClosedForms]:

@@ -397,8 +397,8 @@ def test_stored(tmp_path: Path) -> None:
         (ss.Unilateral("y"), {"y": -0.1}, "overlap"),
         (ss.Unilateral("y", restitution=1.2), {}, "outside the admissible range"),
         (ss.Unilateral("y", "d_x", -0.1), {}, "coefficient of friction"),
-        (ss.Unilateral("1 - t"), {}, "depends on no inertial coordinate"),
-        (ss.Unilateral("y", mu=0.3), {}, "friction has no direction"),
+        (ss.Unilateral("1 - t"), {}, "does not depend on an inertial coordinate"),
+        (ss.Unilateral("y", mu=0.3), {}, "the direction of friction is missing"),
         (ss.Contact("d_x", "0.1 + 0.2*normal_floor"), {}, "unknown name 'normal_floor'"),
     ],
 )
@@ -430,7 +430,7 @@ def test_a_brake_is_linear() -> None:
         ss.Contact("d_x", "0.1*normal_floor", kinetic="0.2*normal_floor"),
         ss.Contact("d_x", "1 - 0.1*normal_floor"),
     ):
-        with pytest.raises(DeclarationError, match="coefficients under normal_floor"):
+        with pytest.raises(DeclarationError, match="coefficients of normal_floor"):
             replace(block(), contacts={**pads, "brake": other})
 
 
@@ -465,10 +465,10 @@ def test_several_forces_press() -> None:
 def test_a_constraint_that_does_not_hold() -> None:
     """It has to hold at the start, and be a function of coordinates."""
     for constraint, reason in (
-        ("y - 1", r"constraint: it is -1 at the initial state, and has to be zero"),
+        ("y - 1", r"constraint: it is -1 at the initial state, but must be zero"),
         ("y + nothing", "constraint: unknown name 'nothing'"),
-        ("d_y", "constraint: 'd_y' may not stand here"),
-        (0.0, "constraint: it depends on no inertial coordinate"),
+        ("d_y", "constraint: 'd_y' is not allowed here"),
+        (0.0, "constraint: it does not depend on an inertial coordinate"),
     ):
         with pytest.raises(DeclarationError, match=reason):
             replace(block(), contacts={"slot": ss.Bilateral(constraint)})

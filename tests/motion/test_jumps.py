@@ -490,13 +490,13 @@ def test_ensembles_do_the_same() -> None:
         (ss.Jump("x - z", {"x": 0}), "unknown name 'z'"),
         (ss.Jump("x", {"x": "z"}), "unknown name 'z'"),
         (ss.Jump("x", {"d_y": 1}), r"jumps.other.to.d_y: not a part of the state. Did you mean"),
-        (ss.Jump("x", {}), "nothing jumps"),
+        (ss.Jump("x", {}), "the jump has no new values"),
         (ss.Jump("k - 1", {"x": 0}), "neither on the state nor on time"),
-        (ss.Jump("x", {"x": 0}, "up"), "expected how a guard passes through zero, got 'up'"),
-        (ss.Jump("x", {"x": 0}, 2), "how a guard passes"),  # type: ignore[arg-type]
+        (ss.Jump("x", {"x": 0}, "up"), "expected a direction of zero crossing, got 'up'"),
+        (ss.Jump("x", {"x": 0}, 2), "a direction of zero crossing"),  # type: ignore[arg-type]
         (ss.Jump("x", {"d_r": 1}), "has no inertia"),
         (ss.Jump("x", {"k": 1}), "not a part of the state"),
-        (ss.Jump("x - 1", {"x": 0}, "both"), "'first' jumps there, too"),
+        (ss.Jump("x - 1", {"x": 0}, "both"), "the jump 'first' has the same guard"),
         (ss.Jump(["x"], {"x": 0}), "expected a formula"),  # type: ignore[arg-type]
         (ss.Jump("x", "x"), "expected a table"),  # type: ignore[arg-type]
     ],
@@ -519,7 +519,7 @@ def test_a_shift_is_kept() -> None:
     system = mass(potential="-x", initial={"d_x": -1.0}, back=back)
     assert replace(system, translation={"x": 1.0}).declaration
     for wrong in (replace(back, when="x - 5"), replace(back, to={"x": "0"})):
-        with pytest.raises(DeclarationError, match=r"the shift changes jumps\.back"):
+        with pytest.raises(DeclarationError, match=r"jumps\.back.*is not invariant"):
             replace(system, translation={"x": 1.0}, jumps={"back": wrong})
 
 
@@ -576,3 +576,79 @@ def test_equations() -> None:
     assert r"\theta \to -\theta" in shown.latex()
     page = ss.catalogue.simplest_walker()._repr_html_()
     assert "rises through 0" in page and "<mo>→</mo>" in page
+
+
+def pulled(when: str, direction: str = "rising") -> ss.System:
+    """A block that is pulled, and one that slides on the floor; `n` counts the jumps."""
+    return ss.System(
+        "pulled",
+        parameters={"V": ss.Parameter(0.3, "m/s"), "k": ss.Parameter(1.0, "N/m")},
+        coordinates={x: ss.Inertial("m") for x in ("x", "s", "y")},
+        internal={"n": ss.Internal(0.0)},
+        kinetic="d_x**2/2 + d_s**2/2 + d_y**2/2",
+        potential="k/2*(x - V*t)**2 + y",
+        contacts={
+            "rub": ss.Contact("d_x", 1.0, kinetic=0.6, unit="N"),
+            "foot": ss.Unilateral("y", "d_s", mu=0.3),
+        },
+        outputs={
+            "pull": ss.Output("k*(V*t - x)", "N"),
+            "stored": "energy + pull",
+            "lost": "friction_rub*d_x",
+            "press": "normal_foot",
+        },
+        jumps={"count": ss.Jump(when, {"n": "n + 1"}, direction)},
+        initial={"d_s": 1.0, "y": 0.2},
+        time_unit="s",
+        span=(0.0, 20.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("shown", "written"),
+    [
+        ("pull - 0.5", "k*(V*t - x) - 0.5"),
+        ("slip_speed_rub - 0.1", "d_x - 0.1"),
+        ("slip_speed_foot - 0.5", "d_s - 0.5"),
+        ("0.1 - gap_foot", "0.1 - y"),
+        ("pull - threshold_plus_rub/2", "k*(V*t - x) - 0.5"),
+        (
+            "stored - 1",
+            "k/2*(x - V*t)**2 + y + d_x**2/2 + d_s**2/2 + d_y**2/2 + k*(V*t - x) - 1",
+        ),
+    ],
+)
+def test_guards_of_what_the_state_says(shown: str, written: str) -> None:
+    """An output, or what results show of a contact, is what it is made of."""
+    way = "falling" if shown.startswith("slip_speed_foot") else "rising"
+    here, there = (ss.simulate(pulled(guard, way)) for guard in (shown, written))
+    assert here.certificate.ok and here.final["n"] >= 1.0
+    assert here.jumps.equals(there.jumps) and here.final == there.final
+    name, _, level = shown.rpartition(" - ")
+    if name in here.system.outputs and "/" not in level:
+        crossed = here.at(here.jumps["time"].to_numpy())[name]
+        assert_allclose(crossed, float(level), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("when", "said"),
+    [
+        ("friction_rub + 0.5", "'friction_rub' is not allowed here. It follows from the forces"),
+        ("normal_foot - 0.5", "'normal_foot' is not allowed here. It follows from the forces"),
+        ("dd_x", "Write the force of a spring that carries it"),
+        ("lost + 0.1", "when: it uses the output 'lost', in which 'friction_rub' is not allowed"),
+        ("press - 0.5", "when: it uses the output 'press', in which 'normal_foot' is not allowed"),
+        ("dissipated_energy - 1", "declare an internal variable with its power"),
+        ("mode_rub - 0.5", "A mode passes through no zero"),
+    ],
+)
+def test_guards_of_forces_are_refused(when: str, said: str) -> None:
+    with pytest.raises(ss.DeclarationError) as error:
+        pulled(when)
+    assert str(error.value).startswith("jumps.count.when: ") and said in str(error.value)
+
+
+def test_new_values_of_forces_are_refused() -> None:
+    """They are formulas of the state before, as guards are."""
+    with pytest.raises(ss.DeclarationError, match="'lost', in which 'friction_rub'"):
+        replace(pulled("x - 1"), jumps={"count": ss.Jump("x - 1", {"n": "lost"})})

@@ -442,6 +442,6 @@ def test_a_law_is_declared() -> None:
     assert cradle(3, 1.0, "together") == replace(system, impacts="together")
     assert 'impacts = "in turn"' in dumps(system) and loads(dumps(system)) == system
     assert "impacts" not in dumps(cradle(3, 1.0, "together"))
-    assert "one after the other" in str(system.equations())
+    assert "sequentially" in str(system.equations())
     with pytest.raises(DeclarationError, match=r"impacts: .*law.*'both'.*in turn"):
         cradle(3, 1.0, "both")

@@ -251,7 +251,7 @@ def test_refused_directions() -> None:
     """Directions turn with inertial coordinates only, and do not jump."""
     with pytest.raises(DeclarationError, match="jumps with x"):
         system(["x"], "d_x**2/2", contacts={"c": ss.Contact("sign(x)*d_x", 1.0)})
-    with pytest.raises(DeclarationError, match="depends on t"):
+    with pytest.raises(DeclarationError, match="coefficients depend on t"):
         ss.System(
             name="slow",
             coordinates={"z": ss.Viscous()},

@@ -182,13 +182,13 @@ def test_energies_of_a_cycle() -> None:
 
 def test_what_moves_nothing_is_refused_by_name() -> None:
     for contact, reason in (
-        (ss.Contact("0", 1), "neither side moves"),
-        (ss.Contact(("0", "0"), 1), "neither side moves"),
+        (ss.Contact("0", 1), "the direction is zero"),
+        (ss.Contact(("0", "0"), 1), "the direction is zero"),
         (ss.Contact("2", 1), "not a linear combination of rates"),
         (ss.Contact("y", 1), "not a linear combination of rates"),
         (
             ss.Contact(("d_y", "0"), 1, surface_speed=("0", "1")),
-            "one of its components has no rate",
+            "one of its components contains no rate",
         ),
     ):
         with pytest.raises(ss.DeclarationError, match=reason):

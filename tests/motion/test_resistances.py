@@ -297,11 +297,11 @@ def test_sliders_that_are_joined():
 REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "falls": ({"drag": "2*d_x*exp(-d_x**2)"}, "drag", "does not increase with d_x"),
     "flat at rest": ({"drag": "d_x**3"}, "drag", "at d_x = 0"),
-    "feeds in": ({"drag": "d_x - 1"}, "drag", "feeds energy in"),
+    "feeds in": ({"drag": "d_x - 1"}, "drag", "creates energy"),
     "kink": ({"drag": "d_x + abs(d_x)*d_x"}, "drag", "kinks or jumps in d_x"),
-    "undefined": ({"drag": "d_x*log(x)", "initial": {}}, "drag", "undefined at the start"),
-    "rate of another": ({"drag": "d_x + d_y"}, "drag", "'d_y' may not"),
-    "coupled": ({"viscous": "(d_x - d_y)**2/2"}, "drag", "joins d_x to d_y"),
+    "undefined": ({"drag": "d_x*log(x)", "initial": {}}, "drag", "undefined at the initial state"),
+    "rate of another": ({"drag": "d_x + d_y"}, "drag", "'d_y' is not allowed"),
+    "coupled": ({"viscous": "(d_x - d_y)**2/2"}, "drag", "couples d_x to d_y"),
     "contact": ({"contacts": {"c": Contact("d_x - d_y", 1.0)}}, "contacts", "'x' has a drag"),
 }
 
@@ -329,5 +329,5 @@ def test_refused_for_a_parameter():
 
 
 def test_no_formula_for_the_rate():
-    with pytest.raises(DeclarationError, match="solves an equation"):
+    with pytest.raises(DeclarationError, match="is defined implicitly"):
         ss.equilibria(resisted("asinh(d_x)"))

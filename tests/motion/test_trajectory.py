@@ -103,7 +103,7 @@ def test_at_the_ends(motion: Trajectory) -> None:
 
 @pytest.mark.parametrize("t", [-1e-9, 14.000001, math.nan, [3.0, 15.0]])
 def test_at_refuses_other_times(motion: Trajectory, t: Any) -> None:
-    with pytest.raises(DeclarationError, match=re.escape("Ask for 0 <= t <= 14")):
+    with pytest.raises(DeclarationError, match=re.escape("Use 0 <= t <= 14")):
         motion.at(t)
 
 
@@ -216,7 +216,7 @@ def test_conditions_at_equality(k: float) -> None:
         conditions={f"c{i}": ss.Condition(text, "no") for i, text in enumerate(asked)},
     )
     warnings = simulate(system, (0.0, 1.0)).warnings
-    undefined = " fails: it is undefined for these parameters"
+    undefined = " fails: undefined for these parameters"
     assert warnings == [
         text + (undefined if k < 0 and "sqrt" in text else " fails: no")
         for text, holds in asked.items()
@@ -368,9 +368,9 @@ def test_file_without_numbers_left_fails(motion: Trajectory, tmp_path: Path) -> 
 
 
 def test_open_what_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(StickslipError, match=r"nothing\.nc: there is no such file"):
+    with pytest.raises(StickslipError, match=r"nothing\.nc: no such file"):
         Trajectory.open(tmp_path / "nothing.nc")
-    with pytest.raises(StickslipError, match="is no file"):
+    with pytest.raises(StickslipError, match="not a file"):
         Trajectory.open(tmp_path)
 
 

@@ -112,7 +112,9 @@ def test_texts_are_escaped_once() -> None:
 def test_quantities_of_results_by_name() -> None:
     motion = ss.simulate(ss.catalogue.belt_block(), (0.0, 2.0))
     assert motion["x"].attrs["units"] == "m"
-    with pytest.raises(ss.DeclarationError, match=r"trajectory: it has no 'xs'\. Did you mean 'x'"):
+    with pytest.raises(
+        ss.DeclarationError, match=r"trajectory: unknown quantity 'xs'\. Did you mean 'x'"
+    ):
         motion["xs"]
     found = ss.equilibria(ss.catalogue.spring_slider())
     assert found["U"].dims == ("equilibrium",) and found[0].state

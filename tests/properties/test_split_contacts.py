@@ -159,7 +159,7 @@ def test_a_force_that_is_not_determined() -> None:
 
 def test_a_name_that_looks_joined() -> None:
     """What joins names stands in none."""
-    with pytest.raises(ss.DeclarationError, match="joins the names of contacts"):
+    with pytest.raises(ss.DeclarationError, match="is reserved for contacts"):
         system({"a + b": ss.Contact("d_x", 1.0)})
 
 

@@ -336,13 +336,13 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "sizes change": (
         lambda: WeightedL1(lambda s: np.ones(2 + (s > 0.5))),
-        r"has the shape \(3,\) at phase s = 0\.\d+, but \(2,\)",
+        r"shape is \(3,\) at phase s = 0\.\d+, but \(2,\)",
     ),
     "two lengths": (
         lambda: WeightedL1([1.0, 2.0], lower=[1.0]),
         r"lower: it has 1 components, but there are 2 weights",
     ),
-    "a number": (lambda: WeightedL1(1.0), r"weights: it has the shape \(\)"),
+    "a number": (lambda: WeightedL1(1.0), r"weights: its shape is \(\)"),
     "nothing": (
         lambda: WeightedL1(None),
         r"not an array of numbers, a function of s or a formula",
@@ -350,12 +350,12 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "unknown name": (lambda: WeightedL1(["1 + t"]), r"weights\[0\]: unknown name 't'"),
     "fails": (
         lambda: WeightedL1(lambda s: [1 / (s - s)]),
-        r"the function fails at phase s = 0 \(ZeroDivisionError",
+        r"the function raises an error at phase s = 0 \(ZeroDivisionError",
     ),
     "group size": (lambda: GroupNorm([1.0], size=0), r"size: 0 is not a number of components"),
     "not square": (
         lambda: Ellipsoid(np.ones((2, 3))),
-        r"shape: its shape \(2, 3\) is not that of a square matrix",
+        r"shape: its shape \(2, 3\) is not square",
     ),
     "not symmetric": (lambda: Ellipsoid([[1, 2], [0, 5]]), r"shape: it is not symmetric"),
     "indefinite": (
@@ -376,7 +376,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "unbounded": (
         lambda: Polytope(normals=[[1, 0], [0, 1], [0, -1]], offsets=[1, 1, 1]),
-        r"leave a direction unbounded",
+        r"do not bound every direction",
     ),
     "no normal": (
         lambda: Polytope(normals=[[0, 0], [0, 1]], offsets=[1, 1]),
@@ -393,9 +393,9 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "too few offsets": (lambda: Polytope(normals=DIAMOND, offsets=[1, 1]), r"there are 4 normals"),
     "no potential": (
         lambda: Product((two, 3)),  # pyright: ignore[reportArgumentType]
-        r"factors\[1\]: it is a int, not a dissipation potential",
+        r"factors\[1\]: expected a dissipation potential, got int",
     ),
-    "no factor": (lambda: Product(()), r"factors: there is none"),
+    "no factor": (lambda: Product(()), r"factors: the list is empty"),
     "dimension": (lambda: SupportFunction(lambda s, v: 1.0, 0), r"dimension: 0 is not a dimension"),
     "not homogeneous": (
         lambda: SupportFunction(lambda s, v: v @ v, 2),
@@ -405,21 +405,21 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: SupportFunction(lambda s, v: np.sqrt(np.abs(v[0] * v[1])), 2),
         r"not convex at phase s = 0",
     ),
-    "below 0": (lambda: SupportFunction(lambda s, v: v.sum(), 2), r"K\(s\) has to contain 0"),
+    "below 0": (lambda: SupportFunction(lambda s, v: v.sum(), 2), r"K\(s\) must contain 0"),
     "period of a function": (
         lambda: SupportFunction(lambda s, v: (1 + s) * np.abs(v).sum(), 2),
         r"differs between the phases s = 0 and s = 1",
     ),
     "vector too long": (
         lambda: two.value(0, [1, 2, 3]),
-        r"v: it has the shape \(3,\), but the potential lives on R\^2",
+        r"v: its shape is \(3,\), but the potential is defined on R\^2",
     ),
     "vector of words": (lambda: two.project(["a", "b"]), r"xi: expected numbers"),
     "vector with NaN": (lambda: two.distance([np.nan, 1]), r"xi\[0\]: it is nan"),
     "step": (lambda: two.prox([1, 2], step=0), r"step: 0 is not positive"),
     "metric too small": (
         lambda: two.project([1, 2], metric=[[1.0]]),
-        r"metric: it has the shape \(1, 1\)",
+        r"metric: its shape is \(1, 1\)",
     ),
     "metric not symmetric": (
         lambda: two.project([1, 2], metric=[[1, 2], [0, 5]]),
@@ -448,5 +448,5 @@ def test_an_inaccurate_subgradient_is_noticed() -> None:
         lambda s, v: np.array([v[0], v[1]]) / np.hypot(*v),
         False,
     )
-    with pytest.raises(ConvergenceError, match="distance is known to"):
+    with pytest.raises(ConvergenceError, match="accuracy of the distance"):
         potential.project([0.0, 5.0])

@@ -126,9 +126,9 @@ def test_negative_weights_and_sets_without_zero_are_refused() -> None:
 @pytest.mark.parametrize(
     ("times", "given", "words"),
     [
-        ((0.5, 3.0), {}, ["times", "0.5", "holds at 0"]),
-        ((0.0, 1.0, 0.5), {}, ["times", "increasing"]),
-        ("soon", {}, ["times", "increasing"]),
+        ((0.5, 3.0), {}, ["times", "0.5", "is given at 0"]),
+        ((0.0, 1.0, 0.5), {}, ["times", "do not increase"]),
+        ("soon", {}, ["times", "do not increase"]),
         ((0.0, 1.0, 2.0), {"steps": 4}, ["steps"]),
         (None, {"steps": 0}, ["steps", "0"]),
         (None, {"tolerance": 0.0}, ["tolerance", "0.0"]),
@@ -136,7 +136,11 @@ def test_negative_weights_and_sets_without_zero_are_refused() -> None:
         (None, {"output": 0}, ["output", "0"]),
         (None, {"output": [0.0, 4.0]}, ["output", "0 to 3"]),
         (None, {"solver": "magic"}, ["solver", "'magic'", "dense"]),
-        (None, {"observables": {"energy": lambda t, z: 0.0}}, ["observables.energy", "taken"]),
+        (
+            None,
+            {"observables": {"energy": lambda t, z: 0.0}},
+            ["observables.energy", "already used"],
+        ),
     ],
 )
 def test_bad_arguments_are_refused(times, given: dict, words: list[str]) -> None:
@@ -494,7 +498,7 @@ def test_which_solver_takes_what() -> None:
         type(choose_solver(_small(KINDS["groups"]), "multigrid", 1e-8)).__name__ == "MultigridSteps"
     )
     for kind, solver in (("ellipsoid", "multigrid"), ("groups", "sparse")):
-        with pytest.raises(DeclarationError, match="cannot treat"):
+        with pytest.raises(DeclarationError, match="does not support"):
             choose_solver(_small(KINDS[kind]), solver, 1e-8)
 
 

@@ -558,7 +558,7 @@ def test_a_line_search_stops_before_the_minimum() -> None:
         (sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), 1, "not positive definite"),
         (sp.csr_array([[np.nan, 0.0], [0.0, 2.0]]), 1, "not finite"),
         (sp.csr_array(np.ones((2, 3))), 1, "square"),
-        (sp.eye_array(3), 2, "groups: 2 does not divide the 3 rows"),
+        (sp.eye_array(3), 2, "groups: 2 is not a divisor of the number of rows"),
     ],
 )
 def test_matrices_that_are_refused(A: sp.csr_array, groups: int, message: str) -> None:
@@ -586,7 +586,7 @@ def test_a_step_without_a_minimum_ends() -> None:
         ({"r": np.zeros(3)}, "r: its shape is"),
         ({"r": np.full(900, np.nan)}, r"r\[0\]: nan is not finite"),
         ({"upper": -np.ones(900)}, "does not contain 0"),
-        ({"lower": None}, "lower: it is missing"),
+        ({"lower": None}, "lower: the value is missing"),
         ({"upper": np.full(900, np.inf)}, "not finite"),
         ({"start": np.zeros(2)}, "start: its shape"),
     ],

@@ -91,7 +91,7 @@ def test_thresholds_have_values() -> None:
         ss.dissipation_of(foot, "foot", {"x": 1.0})
     with pytest.raises(DeclarationError, match=r"is -0\.3"):
         ss.dissipation_of(foot, "foot", {"normal_foot": 1.0, "x": -2.0})
-    with pytest.raises(DeclarationError, match=r"no contact 'fot'.*Did you mean 'foot'"):
+    with pytest.raises(DeclarationError, match=r"unknown contact 'fot'.*Did you mean 'foot'"):
         ss.dissipation_of(foot, "fot")
 
 

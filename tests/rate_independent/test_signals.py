@@ -77,17 +77,17 @@ def undefined(t: float) -> Array:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (["t", "log(t - 1)"], r"load\[1\]: it is nan at t = 0\.5\. It must be finite"),
+        (["t", "log(t - 1)"], r"load\[1\]: it is nan at t = 0\.5\. Give finite values"),
         (lambda t: undefined(2.0), r"load\[1\]: it is nan at t = 0\.5"),
         (lambda t: "x", r"load: no value at t = 0\.5 \(a str is not an array of numbers\)"),
-        (lambda t: 1 / 0, r"load: the function fails at t = 0\.5 \(ZeroDivisionError"),
-        (lambda t: [1.0], r"load: it has the shape \(1,\) at t = 0\.5, but \(2,\) is needed"),
-        (["t"], r"load: it has the shape \(1,\), but \(2,\) is needed"),
+        (lambda t: 1 / 0, r"load: the function raises an error at t = 0\.5 \(ZeroDivisionError"),
+        (lambda t: [1.0], r"load: its shape is \(1,\) at t = 0\.5, but \(2,\) is needed"),
+        (["t"], r"load: its shape is \(1,\), but \(2,\) is needed"),
         (None, r"load: a NoneType is not an array of numbers, a function of t or a formula"),
         (["t", "u"], r"load\[1\]: unknown name 'u'\. Known here: t"),
         (["t", ex.sym("u")], r"load\[1\]: unknown name 'u'\. Known here: t"),
         (([0.0, 1.0], [[1, 2], [3, np.inf]]), r"load\[1\]: it is inf at t = 1\."),
-        (([0.0, 1.0], [[1], [3]]), r"load, values: it has the shape \(2, 1\), but \(2, 2\)"),
+        (([0.0, 1.0], [[1], [3]]), r"load, values: its shape is \(2, 1\), but \(2, 2\)"),
         (([0.0, 0.0], [[1, 2], [3, 4]]), r"load: the times do not increase: 0, then 0 at index 1"),
     ],
 )

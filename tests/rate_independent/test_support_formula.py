@@ -316,7 +316,7 @@ BAD = {
     "negative": ("abs(v1) - abs(v2)", {}, r"^formula: .*nonnegative"),
     "name": ("abs(v1) + mu*abs(v2)", {}, r"^formula: unknown name 'mu'"),
     "nothing": ("", {}, r"^formula: "),
-    "no component": ("0", {}, r"^formula: it has no component"),
+    "no component": ("0", {}, r"^formula: it contains no component"),
     "no number": ("mu*abs(v1)", {"parameters": {"mu": float("nan")}}, r"^parameters\.mu: "),
     "taken": ("abs(v1)", {"parameters": {"v1": 1.0}}, r"^parameters\.v1: "),
     "dimension": ("abs(v1)", {"dimension": -1}, r"^dimension: -1 is not a dimension"),

@@ -44,6 +44,6 @@ def test_formulas(values: dict[str, float]) -> None:
 def test_family() -> None:
     """Steady sliding is a centre: small oscillations without stick are cycles, too, but no isolated
     ones."""
-    known = r"come in a family.*still closes if its state is moved along \((d_)?x: "
+    known = r"form a continuous family.*remains closed if its state is shifted along \((d_)?x: "
     with pytest.raises(ConvergenceError, match=known):
         find_cycle(catalogue.belt_block(), parameters=SETS[2])

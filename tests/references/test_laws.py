@@ -226,7 +226,7 @@ def test_a_fault_without_mass(evolution: str) -> None:
 
 def test_where_rate_and_state_ends() -> None:
     """Two coordinates without mass cannot share it; the slip law says where a motion reverses."""
-    with pytest.raises(DeclarationError, match="a rate without mass"):
+    with pytest.raises(DeclarationError, match="which has no mass"):
         ss.System(
             name="two",
             coordinates={"x": ss.Viscous(), "y": ss.Viscous()},

@@ -296,7 +296,7 @@ def test_one_normal_force_presses_a_contact_in_a_plane() -> None:
     }
     error = refused(contacts=contacts)
     assert error.where == "contacts.'pad'.threshold"
-    assert "not proportional to normal_foot alone" in str(error)
+    assert "must be proportional to normal_foot" in str(error)
 
 
 def test_it_is_kept_in_a_model_file(tmp_path: Any) -> None:

@@ -125,7 +125,7 @@ def test_a_point_that_takes_too_long_stops_no_other(tmp_path: Path) -> None:
     late = ss.Outcome.TIME_UP.code
     assert found["outcome"].values.tolist() == [ss.Outcome.PERIODIC.code, late, late]
     assert np.isnan(found["amplitude"].values[1:]).all()
-    assert found.outcome is Completion.TIME_UP and "2 of them took longer" in found.message
+    assert found.outcome is Completion.TIME_UP and "2 of them reached" in found.message
     assert found.lacking == {"result": 2}
     assert ss.open(store).outcome is Completion.TIME_UP
     # They are tried again when the map is taken up again, and they alone.
@@ -240,7 +240,7 @@ def test_states_that_take_too_long_have_stopped() -> None:
 def test_a_cycle_that_takes_too_long() -> None:
     system = replace(ss.catalogue.forced_oscillator(), span=(0.0, 1e9))
     began = time.monotonic()
-    with pytest.raises(TimeLimitError, match=r"time limit of 0\.2 s.* Raise time_limit"):
+    with pytest.raises(TimeLimitError, match=r"time limit of 0\.2 s.* Increase time_limit"):
         ss.find_cycle(system, time_limit=0.2)
     assert time.monotonic() - began < 2.2
 
@@ -300,7 +300,7 @@ def test_no_duration(limit: Any) -> None:
 
 
 def test_a_gpu_has_no_clock_for_each_motion() -> None:
-    with pytest.raises(DeclarationError, match="time_limit: a GPU follows all motions"):
+    with pytest.raises(DeclarationError, match="time_limit: a GPU computes all motions"):
         ss.sweep(ENDLESS, {"Q": [1.0]}, ["amplitude"], device="gpu", time_limit=1.0)
 
 

@@ -75,19 +75,25 @@ def test_rules_and_reductions_in_files(folder: Path) -> None:
     ("lines", "said"),
     [
         ('mass = "M.mtx"', r"structures.u.stiffness: this key is missing"),
-        ('mass = "M.mtx"\nstiffness = "X.mtx"', r"u.stiffness: there is no file 'X.mtx'"),
-        ('mass = "M.mtx"\nstiffness = "K.op4"', r"'K.op4' is of no kind that is read"),
+        ('mass = "M.mtx"\nstiffness = "X.mtx"', r"u.stiffness: no such file: 'X.mtx'"),
+        ('mass = "M.mtx"\nstiffness = "K.op4"', r"unknown file format 'K.op4'"),
         ('mass = "M.mtx"\nstiffness = "bad.mtx"', r"'bad.mtx' cannot be read"),
         ('mass = "M.mtx"\nstiffness = "objects.npy"', r"'objects.npy' cannot be read"),
-        ('mass = "M.mtx"\nstiffness = "all.npz"', r"holds several arrays. Name one of M, K, C"),
-        ('mass = "M.mtx"\nstiffness = "all.npz:X"', r"it has no 'X'"),
+        (
+            'mass = "M.mtx"\nstiffness = "all.npz"',
+            r"the file has several arrays. Name one of M, K, C",
+        ),
+        ('mass = "M.mtx"\nstiffness = "all.npz:X"', r"the file has no array 'X'"),
         ('mass = "M.mtx"\nstiffness = 3', r"expected the name of a file"),
-        ('mass = "M.mtx"\nstiffness = "K.npz"\ndamping = 0.1', r"neither a matrix nor a rule"),
-        ('mass = "M.mtx"\nstiffness = "K.npz"\ndamping = {ratio = 1}', r"neither a matrix nor"),
+        ('mass = "M.mtx"\nstiffness = "K.npz"\ndamping = 0.1', r"not a matrix or a damping rule"),
+        ('mass = "M.mtx"\nstiffness = "K.npz"\ndamping = {ratio = 1}', r"not a matrix or"),
         ('mass = "M.mtx"\nstiffness = "K.npz"\nkeeps = [1]', r"u.keeps: unknown key. Did you"),
         ('mass = "M.mtx"\nstiffness = "K.npz"\nkeep = 3', r"keep: expected a list"),
-        ('mass = "M.mtx"\nstiffness = "K.npz"\nkeep = [9]', r"structures.u.keep: 9: there is no"),
-        ('mass = "M.mtx"\nstiffness = "K.npz"\nunit = 3', r"structures.u.unit: expected a text"),
+        (
+            'mass = "M.mtx"\nstiffness = "K.npz"\nkeep = [9]',
+            r"structures.u.keep: 9: no such degree of freedom",
+        ),
+        ('mass = "M.mtx"\nstiffness = "K.npz"\nunit = 3', r"structures.u.unit: expected a string"),
         ('packed = "zzz"', r"structures.u.packed: the packed arrays are damaged"),
         ('packed = "UEsDBBQ="', r"the packed arrays are damaged"),
         ("packed = 3", r"the packed arrays are damaged"),
@@ -151,5 +157,5 @@ def test_results_hold_their_structures(tmp_path: Path) -> None:
     for name in ("u[tip]", "u[1]", "d_u[0]", "u_mode_2"):
         assert np.array_equal(again[name], motion[name])
     assert again.certificate.ok
-    with pytest.raises(ss.DeclarationError, match="it has no"):
+    with pytest.raises(ss.DeclarationError, match="unknown quantity"):
         _ = again["u[3]"]

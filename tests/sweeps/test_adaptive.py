@@ -79,10 +79,10 @@ def test_three_axes() -> None:
 @pytest.mark.parametrize(
     ("over", "by", "said"),
     [
-        (OVER, ("speeed",), "not measured"),
+        (OVER, ("speeed",), "not one of the measures"),
         (OVER, (), "contrast"),
-        ({"P": "3,1,2"}, ("outcome",), "no order"),
-        ({"P,delta": "sobol:16; 1:2; 0.1:0.2"}, ("outcome",), "no order"),
+        ({"P": "3,1,2"}, ("outcome",), "not ordered"),
+        ({"P,delta": "sobol:16; 1:2; 0.1:0.2"}, ("outcome",), "not ordered"),
     ],
 )
 def test_refused(over: dict[str, str], by: tuple[str, ...], said: str) -> None:

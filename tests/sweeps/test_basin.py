@@ -153,13 +153,13 @@ def test_motions_that_stop_or_do_not_arrive() -> None:
 @pytest.mark.parametrize(
     ("axes", "message"),
     [
-        ({"phi": "0.0:1.0:3"}, "neither a parameter nor a part of the state"),
+        ({"phi": "0.0:1.0:3"}, "unknown parameter or part of the state"),
         ({"P": "0.8:1.0:3"}, "not a state"),
-        ({"psi": (-1.0, 1.0, 3)}, "may be a range or three values"),
-        ({"psi": [1.0, 0.0]}, "do not rise"),
-        ({"psi": [0.5]}, "do not rise"),
+        ({"psi": (-1.0, 1.0, 3)}, "is ambiguous: a range or three values"),
+        ({"psi": [1.0, 0.0]}, "do not increase"),
+        ({"psi": [0.5]}, "do not increase"),
         ({"psi": "abc"}, "abc"),
-        ({}, "nothing to vary"),
+        ({}, "no axis was given"),
     ],
 )
 def test_bad_arguments(axes: dict, message: str) -> None:
@@ -248,7 +248,7 @@ def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) ->
     axes = {"psi": "0.0:2.0:3", "d_psi": "0.0:0.1:4"}
     found = basin(catalogue.rocking_toy(), axes, initial={"x_R": 0.0}, workers=1).dataset
     assert found.attrs["interrupted"] == 1
-    arrived = found["attractor"].values != module.ON_ITS_WAY
+    arrived = found["attractor"].values != module._NOT_COMPUTED
     assert np.array_equal(np.argwhere(arrived), [[0, 0], [0, 1], [1, 0], [1, 1]])
     assert np.all(found["attractor"].values[arrived] >= 0)
     assert np.all(found["lacking"].values[~arrived] > 0)
@@ -261,4 +261,4 @@ def test_interrupted_before_anything_has_arrived(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(sweep_module, "compute", interrupted)
     found = basin(catalogue.rocking_toy(), {"psi": "-1.0:1.0:3", "d_psi": "-1.0:1.0:2"}).dataset
     assert found.sizes["reached"] == 0
-    assert (found["attractor"] == module.ON_ITS_WAY).all()
+    assert (found["attractor"] == module._NOT_COMPUTED).all()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,7 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states
 from stickslip.orbits.settling.motions import Settings
+from stickslip.stopping.scopes import Stopped, watching
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.work import chunk
 from stickslip.sweeps.work.chunk import measure_chunk
@@ -129,11 +133,11 @@ def test_limits_are_kept() -> None:
 @pytest.mark.parametrize(
     ("initial", "parameters", "measures", "words"),
     [
-        ({}, {"P": [1.0]}, ("sped",), "no measure 'sped'"),
-        ({}, {"P": [1.0]}, ("amplitude:phi",), "no 'phi'"),
-        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "no 'tail'"),
+        ({}, {"P": [1.0]}, ("sped",), "unknown measure 'sped'"),
+        ({}, {"P": [1.0]}, ("amplitude:phi",), "unknown quantity 'phi'"),
+        ({}, {"P": [1.0]}, ("stick_fraction:tail",), "unknown quantity 'tail'"),
         ({}, {"rho": [-1.0]}, ("speed",), "outside the admissible range"),
-        ({}, {"Q": [1.0]}, ("speed",), "no such parameter"),
+        ({}, {"Q": [1.0]}, ("speed",), "unknown parameter"),
         ({}, {"P": [np.nan]}, ("speed",), "finite"),
         ({"psi": [0.1, 0.2]}, {"P": [1.0, 1.1, 1.2]}, ("speed",), "different lengths"),
         ({"phi": [0.1]}, {}, ("speed",), "not a part of the state"),
@@ -186,3 +190,32 @@ def test_many_motions_refuse_numbers_that_are_none(given: dict[str, int], named:
         ss.simulate_many(ss.catalogue.rocking_toy(), (0.0, 1.0), **given)  # type: ignore[arg-type]
     with pytest.raises(DeclarationError, match="expected a System"):
         ss.simulate_many("toy")  # type: ignore[arg-type]
+
+
+def test_a_wish_to_stop_ends_every_chunk() -> None:
+    """Whatever its loops are about: also while parts of a period are tried, which asks for a motion
+    until it is complete."""
+    block = ss.load(Path(__file__).parents[2] / "examples" / "jobs" / "13-crate.toml")
+    speeds, stiction = np.meshgrid(np.linspace(0.05, 0.3, 200), np.linspace(0.35, 0.8, 50))
+    table = {"V": speeds.ravel(), "mu_s": stiction.ravel()}
+    ended = list[str]()
+
+    def work(flag: np.ndarray) -> None:
+        try:
+            with watching(wish=flag):
+                measure_chunk(block, {}, table, ("period",), Settings())
+            ended.append("done")
+        except Stopped:
+            ended.append("stopped")
+
+    for delay in np.linspace(0.02, 0.2, 60):
+        flag = np.zeros(1, np.int64)
+        thread = threading.Thread(target=work, args=(flag,), daemon=True)
+        thread.start()
+        time.sleep(float(delay))
+        flag[0] = 1
+        thread.join(20.0)
+        assert not thread.is_alive(), (
+            f"it goes on although there was a wish to stop ({delay:.3f} s)"
+        )
+    assert "stopped" in ended

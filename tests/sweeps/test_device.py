@@ -197,8 +197,8 @@ GIVEN = ["sweep", "rocking_toy", "--over", "P=1:1.1:2", "--measure", "speed", "-
     [
         (False, ["--device", "gpu"], "libdevice, NVIDIA's mathematical library, was not found"),
         (True, ["--device", "gpu"], "NVIDIA's driver (no driver) is not installed"),
-        (True, ["--device", "gpu", "--processes"], "a GPU serves the threads of one process"),
-        (True, ["--device", "tpu"], "there is no 'tpu'"),
+        (True, ["--device", "gpu", "--processes"], "a GPU needs the scheduler"),
+        (True, ["--device", "tpu"], "unknown device 'tpu'"),
     ],
 )
 def test_without_a_gpu_it_says_so(

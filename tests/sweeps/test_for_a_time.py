@@ -49,11 +49,11 @@ def test_the_slip_of_a_block_under_one_pulse() -> None:
 def test_what_belongs_to_a_cycle_is_refused() -> None:
     over = {"mu": [0.1, 0.2]}
     for measure in ("period", "harmonic", "energy_per_distance:x", "c = energy_per_cycle"):
-        with pytest.raises(DeclarationError, match="end, and no motion settles"):
+        with pytest.raises(DeclarationError, match="end, so no motion settles"):
             ss.sweep(block(), over, [measure])
-    with pytest.raises(DeclarationError, match="end, and no motion settles"):
+    with pytest.raises(DeclarationError, match="end, so no motion settles"):
         ss.sweep(block(), over, ["shift"], carry="mu")
-    with pytest.raises(DeclarationError, match="no state reaches anything"):
+    with pytest.raises(DeclarationError, match="so no motion settles"):
         ss.basin(block(), {"x": "0:1:3", "d_x": "0:1:3"})
     with pytest.raises(DeclarationError, match=r"the samples cover 0 \.\.\. 10"):
         ss.sweep(block(span=(0.0, 20.0)), over, ["shift"])

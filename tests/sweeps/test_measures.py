@@ -326,12 +326,16 @@ def test_energy_per_distance() -> None:
 @pytest.mark.parametrize(
     ("system", "name", "said"),
     [
-        ("two_leg_crawler", "cost_of_transport", "no weight is named"),
-        ("two_leg_crawler", "cost_of_transport:k", "measured in N/m, a weight in N"),
-        ("two_leg_crawler", "cost_of_transport:k*D/2", "which no name of a variable may have"),
-        ("two_leg_crawler", "cost_of_transport:-k*D", "A weight is positive"),
-        ("two_leg_crawler", "relative_phase:d_x", "there is no 'd_x'"),
-        ("belt_block", "relative_phase", "nothing drives"),
+        ("two_leg_crawler", "cost_of_transport", "the weight is missing"),
+        ("two_leg_crawler", "cost_of_transport:k", "N/m, but a weight has the unit N"),
+        (
+            "two_leg_crawler",
+            "cost_of_transport:k*D/2",
+            "which is not allowed in the name of a variable",
+        ),
+        ("two_leg_crawler", "cost_of_transport:-k*D", "Give a positive weight"),
+        ("two_leg_crawler", "relative_phase:d_x", "unknown quantity 'd_x'"),
+        ("belt_block", "relative_phase", "has no drive"),
         ("belt_block", "energy_per_distance", "declares no translation"),
         ("plate_compactor", "relative_phase", "does not oscillate"),
     ],

@@ -202,7 +202,7 @@ def test_shares_are_counted(shaken: ss.Map) -> None:
     for place in map(tuple, at):
         assert found["low"].values[place] == pytest.approx(0.1176, abs=1e-4)
         assert found["high"].values[place] == pytest.approx(0.7693, abs=1e-4)
-    assert found.certificate.ok and found.limit == "slip > 0.05"
+    assert found.certificate.ok and found.limit == "slip > 0.05 m"
     assert set(found.table) == {"scale", "mu", "share", "low", "high", "records"}
 
 
@@ -258,10 +258,10 @@ def test_what_has_no_value_is_left_out_and_said() -> None:
 def test_what_is_asked_of_a_fragility(shaken: ss.Map) -> None:
     plain = ss.sweep(BLOCK, {"mu": [0.1, 0.2]}, ["shift"])
     asked: list[tuple[Callable[[], Any], str]] = [
-        (lambda: plain.fragility("shift", 0.1), "no axis of the map is of records"),
-        (lambda: shaken.fragility("slop", 0.1), "has no 'slop'. Did you mean 'slip'"),
-        (lambda: shaken.fragility("slip", np.inf), "inf is no limit"),
-        (lambda: shaken.fragility("slip", 0.1, over="S"), "there is no axis 'S'. There are scale"),
+        (lambda: plain.fragility("shift", 0.1), "the map has no axis of records"),
+        (lambda: shaken.fragility("slop", 0.1), "has no measure 'slop'. Did you mean 'slip'"),
+        (lambda: shaken.fragility("slip", np.inf), "inf is not a number"),
+        (lambda: shaken.fragility("slip", 0.1, over="S"), "unknown axis 'S'. Choose from scale"),
     ]
     for call, words in asked:
         with pytest.raises(DeclarationError, match=words):
@@ -330,16 +330,16 @@ BAD = {
     "empty.csv": ("", "empty.csv: the file is empty"),
     "names.csv": ("t,a\n", "0 times and 0 values"),
     "nan.csv": ("t,a\n0,1\n1,nan\n", "line 3, column 'a': nan is not a number"),
-    "cell.csv": ("t,a\n0,1\n1,\n", "line 3, column 'a': there is no value"),
+    "cell.csv": ("t,a\n0,1\n1,\n", "line 3, column 'a': the value is missing"),
     "order.csv": ("t,a\n0,1\n2,1\n1,1\n", "line 4, column 't': the time 1 comes after 2"),
-    "gap.csv": (f"t,a\n{EVEN}\n", "apart, and there is none between 0.5 and 0.7. Fill the gap"),
-    "columns.csv": ("t,x,y\n0,1,2\n", "which column has the values is not clear"),
+    "gap.csv": (f"t,a\n{EVEN}\n", "but there is no sample between 0.5 and 0.7. Fill the gap"),
+    "columns.csv": ("t,x,y\n0,1,2\n", "it is ambiguous which column has the values"),
     "empty.AT2": ("\n", "the file is empty"),
-    "short.AT2": (AT2.format(heading=HEADINGS[0])[:-20], "there are 6 values, NPTS says 7"),
-    "heading.AT2": (AT2.format(heading="nothing"), "line 4: it does not say how many samples"),
+    "short.AT2": (AT2.format(heading=HEADINGS[0])[:-20], "the file has 6 values, but NPTS is 7"),
+    "heading.AT2": (AT2.format(heading="nothing"), "line 4: the number of samples"),
     "words.AT2": (AT2.format(heading=HEADINGS[0]) + "end", "line 7: 'end' is not a number"),
     "nan.AT2": (AT2.format(heading=HEADINGS[0]) + "nan", "line 7: nan is not a number"),
-    "step.AT2": (AT2.format(heading="NPTS= 7, DT= 0.0"), "line 4: 7 samples that are 0 apart"),
+    "step.AT2": (AT2.format(heading="NPTS= 7, DT= 0.0"), "line 4: 7 samples with a time step of 0"),
 }
 
 
@@ -364,18 +364,18 @@ def test_what_are_no_records(tmp_path: Path) -> None:
     wave = ss.Samples([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], periodic=True)
     (tmp_path / "a.md").write_text("x")
     asked: list[tuple[Callable[[], Any], str]] = [
-        (lambda: ss.Records({}), "records: there are none"),
+        (lambda: ss.Records({}), "records: no records were given"),
         (lambda: ss.Records({"a": "a.csv"}), "records.a: expected Samples, got str"),
-        (lambda: ss.Records({"a": one, "b": made_up(1)}), "records.b: it is the same as 'a'"),
-        (lambda: ss.Records({"a": one, "b": {"a_x": other}}), "it is for a_x, and 'a' for the"),
-        (lambda: ss.Records({"a": one, "b": wave}), "some of the records repeat, and some end"),
-        (lambda: ss.Records.read(tmp_path), "there is no record in it. Names of records end"),
-        (lambda: ss.Records.read(tmp_path, pattern="*.csv"), "none of its 1 files is called like"),
-        (lambda: ss.Records.read(tmp_path / "b"), "there is no such folder"),
-        (lambda: ss.Records.read(tmp_path / "a.md"), "this is no folder"),
-        (lambda: ss.Records.read(tmp_path, factor=0.0), "factor: 0.0 is no factor"),
-        (lambda: ss.Records.read(tmp_path, peak=-1.0), "peak: -1.0 is no positive number"),
-        (lambda: ss.Records.read(tmp_path, peak=1.0, factor=2.0), "peak: a factor is given, too"),
+        (lambda: ss.Records({"a": one, "b": made_up(1)}), "records.b: it is identical to 'a'"),
+        (lambda: ss.Records({"a": one, "b": {"a_x": other}}), "it drives a_x, but 'a' drives the"),
+        (lambda: ss.Records({"a": one, "b": wave}), "some records are periodic, and some end"),
+        (lambda: ss.Records.read(tmp_path), "the folder has no records. Files of records end"),
+        (lambda: ss.Records.read(tmp_path, pattern="*.csv"), "none of its 1 files matches"),
+        (lambda: ss.Records.read(tmp_path / "b"), "no such folder"),
+        (lambda: ss.Records.read(tmp_path / "a.md"), "not a folder"),
+        (lambda: ss.Records.read(tmp_path, factor=0.0), "factor: 0.0 is not a nonzero number"),
+        (lambda: ss.Records.read(tmp_path, peak=-1.0), "peak: -1.0 is not a positive number"),
+        (lambda: ss.Records.read(tmp_path, peak=1.0, factor=2.0), "peak: both a factor and a peak"),
     ]
     for call, words in asked:
         with pytest.raises(DeclarationError) as failed:
@@ -388,23 +388,29 @@ def test_what_is_no_map_over_records() -> None:
     floor = ss.catalogue.isolated_floor()
     finely: Any = {"adaptive": ss.Adaptive(("shift",))}
     asked: list[tuple[Callable[[], Any], str]] = [
-        (lambda: ss.sweep(floor, {"r": records}, ["shift"]), "has 2 drives, and which is recorded"),
+        (lambda: ss.sweep(floor, {"r": records}, ["shift"]), "has 2 drives, and the recorded one"),
         (
             lambda: ss.sweep(BLOCK, {"r": ss.Records({"q": {"b": made_up(1)}})}, ["shift"]),
-            "records.b: sliding_base has no such drive",
+            "records.b: unknown drive of sliding_base",
         ),
         (
             lambda: ss.sweep(BLOCK, {"mu": records}, ["shift"]),
-            "over.mu: sliding_base has something",
+            "over.mu: the name is already used",
         ),
         (lambda: ss.sweep(BLOCK, {"r": records, "q": records}, ["shift"]), "r and q are records"),
-        (lambda: ss.sweep(BLOCK, {"r": records, "mu": [1]}, ["shift"], carry="mu"), "begins anew"),
+        (
+            lambda: ss.sweep(BLOCK, {"r": records, "mu": [1]}, ["shift"], carry="mu"),
+            "cannot be carried",
+        ),
         (
             lambda: ss.sweep(BLOCK, {"r": records, "mu": [1, 2]}, ["shift"], **finely),
-            "the values of r have no order",
+            "the values of r are not ordered",
         ),
-        (lambda: ss.sweep(BLOCK, {"r": records}, ["period"]), "end, and no motion settles"),
-        (lambda: ss.basin(BLOCK, {"x": records, "d_x": "0:1:2"}), "something called so"),
+        (lambda: ss.sweep(BLOCK, {"r": records}, ["period"]), "end, so no motion settles"),
+        (
+            lambda: ss.basin(BLOCK, {"x": records, "d_x": "0:1:2"}),
+            "the name is already used",
+        ),
     ]
     for call, words in asked:
         with pytest.raises(DeclarationError) as failed:

@@ -181,18 +181,18 @@ def test_a_function_of_the_motion_and_why_it_is_missing() -> None:
 @pytest.mark.parametrize(
     ("measure", "said"),
     [
-        ([], "nothing to measure"),
-        (["sped"], "no measure 'sped'"),
-        (["amplitude:phi"], "there is no 'phi'"),
-        (["stick_fraction:tail"], "there is no 'tail'"),
-        (["period:psi"], "there is no 'psi'"),
+        ([], "no measure was given"),
+        (["sped"], "unknown measure 'sped'"),
+        (["amplitude:phi"], "unknown quantity 'phi'"),
+        (["stick_fraction:tail"], "unknown quantity 'tail'"),
+        (["period:psi"], "unknown quantity 'psi'"),
         (["speed", "speed"], "twice"),
-        (["P = speed**2"], "taken"),
+        (["P = speed**2"], "already used"),
         (["speed = period"], "another measure"),
         (["cost = 1/spede"], "spede"),
         (["cost = __import__('os')"], "cost"),
         ([lambda motion: 1.0], "not lambda"),
-        ([3], "neither a text nor a function"),
+        ([3], "not a string or a function"),
         (["nowhere.py:cost"], "cannot be read"),
     ],
 )
@@ -207,16 +207,16 @@ def test_measures_that_do_not_exist(measure: list[object], said: str) -> None:
     [
         (
             {"system": TOY.with_parameters(rho=0.25)},
-            r"another model \(parameters.rho.default: 0.2 there, 0.25 here\)",
+            r"another model \(parameters.rho.default: stored 0.2, now 0.25\)",
         ),
         (
             {"over": {**OVER, "P": "0.6:1.7:21"}},
-            r"other values of P \(21 from 0.6 to 1.6 there, 21 from 0.6 to 1.7",
+            r"other values of P \(stored 21 from 0.6 to 1.6, now 21 from 0.6 to 1.7",
         ),
         ({"over": {"P": OVER["P"]}}, "other axes"),
         ({"measure": ["speed"]}, "other measures"),
         ({"initial": {"psi": 0.5}}, "other initial values"),
-        ({"settings": stand_in.Settings(rtol=1e-8)}, "rtol: 1e-10 there, 1e-08 here"),
+        ({"settings": stand_in.Settings(rtol=1e-8)}, "rtol: stored 1e-10, now 1e-08"),
     ],
 )
 def test_another_map_is_refused_and_kept(

@@ -8,9 +8,11 @@ import pytest
 import stickslip as ss
 from figures.boxes import hatched
 from stickslip import Outcome
+from stickslip.figures.drawing.cells import HATCHES
 from stickslip.figures.sweep import plot_sweep
 from stickslip.machine_code.emulated import Emulated
 from stickslip.orbits.settling.engine import exponents
+from stickslip.sweeps import basin as basins
 from stickslip.sweeps.work import device
 from stickslip.sweeps.work.chunk import measure_chunk
 
@@ -179,3 +181,34 @@ def test_lines_mark_them() -> None:
     markers = {str(line.get_marker()): len(np.asarray(line.get_xdata())) for line in axes.lines}
     codes = found["outcome"].values
     assert markers["X"] == np.count_nonzero(codes == Outcome.IRREGULAR.code) > 0
+
+
+def test_what_has_not_settled_is_classed_as_in_maps() -> None:
+    """Irregular, slow or out of budget, in the same colours and hatching."""
+    over = {"x": "-1.5:1.5:7", "d_x": "-1.0:1.0:5"}
+    labels = {
+        Outcome.IRREGULAR: basins.PARTING,
+        Outcome.SLOW: basins.SLOWLY,
+        Outcome.NOT_SETTLED: basins.ON_ITS_WAY,
+    }
+    seen = set[Outcome]()
+    for system, settings in (
+        (DUFFING, ss.Settings(max_time=300.0)),
+        (DUFFING.with_parameters(F=0.1, mu=0.0), ss.Settings(max_time=60.0)),
+        (TORUS.with_parameters(omega=0.43), ss.Settings()),
+    ):
+        found = ss.basin(system, over, settings=settings)
+        outcome = ss.sweep(system, over, ["amplitude:x"], settings=settings)["outcome"].values
+        for kind, label in labels.items():
+            here = outcome == kind.code
+            np.testing.assert_array_equal(found["attractor"].values == label, here)
+            if np.any(here):
+                seen.add(kind)
+                words = found["attractor"].attrs["flag_meanings"].split()
+                at = found["attractor"].attrs["flag_values"].tolist().index(label)
+                assert words[at] == kind.label.replace(" ", "_")
+                drawn = found.plot()
+                shown = {text.get_text() for text in drawn.legends[0].get_texts()}
+                assert f"not settled: {kind.label}" in shown
+                assert HATCHES[kind] in {letter for letter, _ in hatched(drawn.axes[0])}
+    assert seen == {*labels}

@@ -57,7 +57,15 @@ def test_what_is_offered_can_be_measured() -> None:
 def test_what_cannot_be_loaded_is_said_when_it_is_asked_for() -> None:
     with pytest.raises(StickslipError, match=r"measure missing: somebody:gone cannot be loaded"):
         read_measures(TOY, ["missing"])
-    with pytest.raises(StickslipError, match="no function of that name"):
+    with pytest.raises(StickslipError, match="not a function of that name"):
         read_measures(TOY, ["other"])
-    with pytest.raises(DeclarationError, match="there is no measure 'nobody'"):
+    with pytest.raises(DeclarationError, match="unknown measure 'nobody'"):
         read_measures(TOY, ["nobody"])
+
+
+def test_formulas_of_measures_have_the_unit_of_what_they_are_made_of() -> None:
+    belt = ss.catalogue.belt_block()
+    asked = ["reach = max(high:x, -low:x)", "pitch = 1/period", "part = speed:x/V"]
+    found = ss.sweep(belt, {"V": [0.3, 0.4]}, asked)
+    units = {name: found[name].attrs["units"] for name in ("reach", "pitch", "part")}
+    assert units == {"reach": "m", "pitch": "1/s", "part": "1"}

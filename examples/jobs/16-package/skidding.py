@@ -55,11 +55,13 @@ def block():
 @ss.figures.register(ss.Trajectory)
 def speeds(motion, ax=None):
     """How often each rate occurs."""
-    ax = ss.style.new_figure(5.0, 4.0).subplots() if ax is None else ax
-    start, end = motion.t_span
-    times = np.linspace(start, end, 4001)
-    ax.hist(motion.at(times)["d_x"], bins=50)
-    ax.set(xlabel="rate [m/s]", ylabel="times")
+    with ss.style.paper_style():
+        ax = ss.style.new_figure(5.0, 3.5).subplots() if ax is None else ax
+        start, end = motion.t_span
+        rates = motion.at(np.linspace(start, end, 4001))["d_x"]
+        share = np.full(len(rates), 100.0 / len(rates))
+        ax.hist(rates, bins=50, weights=share, log=True, color=ss.style.BLUE)
+        ax.set(xlabel="velocity of the block  [m/s]", ylabel="share of the time  [%]")
     return ax.figure
 
 

@@ -56,7 +56,7 @@ def get(name: str, **given: Any) -> System:
     if name not in known:
         raise DeclarationError(
             "catalogue",
-            f"there is no system '{short(name)}'",
+            f"unknown system '{short(name)}'",
             suggestion(name.replace("-", "_"), known),
         )
     return __getattr__(name)(**given)
@@ -79,7 +79,9 @@ def about(name: str) -> tuple[str, str]:
 
 def __getattr__(name: str) -> Callable[..., System]:
     if name.startswith("_") or name not in names():
-        raise AttributeError(f"the catalogue has no system '{name}'; it has {', '.join(names())}")
+        raise AttributeError(
+            f"the catalogue has no system '{name}'; available: {', '.join(names())}"
+        )
     return getattr(import_module(f"{__name__}.{name}"), name)
 
 

@@ -4,7 +4,8 @@ from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Pa
 
 
 def belt_block(**given: float | str) -> System:
-    """Block on a spring, carried along by a belt until the spring overcomes the static friction.
+    """Block on a spring, carried along by a belt until the spring force exceeds the static
+    friction.
 
     Parameters
     ----------
@@ -41,11 +42,7 @@ def belt_block(**given: float | str) -> System:
         },
         span=DefaultSpan((0, 50)),
         time_unit="s",
-        conditions={
-            "stick-slip": Condition(
-                "F_s > F_k", "steady sliding and stick-slip do not differ in force"
-            )
-        },
+        conditions={"stick-slip": Condition("F_s > F_k", "static and kinetic friction are equal")},
         facts={
             "period": "2*Delta/(k*V) + 2/omega*(pi - atan(omega*Delta/(k*V)))",
             "slip_duration": "2/omega*(pi - atan(omega*Delta/(k*V)))",

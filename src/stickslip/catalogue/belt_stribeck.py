@@ -5,9 +5,10 @@ from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, 
 
 
 def belt_stribeck(**given: float | str) -> System:
-    """Block on a spring and a damper, carried along by a belt on which friction falls with speed.
+    """Block on a spring and a damper on a belt, with friction that decreases with the speed.
 
-    Below the speed V_c steady sliding feeds on the falling friction and turns into stick-slip.
+    Below the belt speed V_c the decreasing friction destabilises steady sliding, and stick-slip
+    results.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ def belt_stribeck(**given: float | str) -> System:
             "V": Parameter(0.2, "m/s", "speed of the belt", "(0, inf)"),
             "F_s": Parameter(1.0, "N", "static friction", "(0, inf)"),
             "F_c": Parameter(0.5, "N", "friction at high speed", "(0, inf)"),
-            "v_s": Parameter(0.4, "m/s", "speed at which friction falls", "(0, inf)"),
+            "v_s": Parameter(0.4, "m/s", "speed over which friction decreases", "(0, inf)"),
         },
         drives={"belt": "V"},
         coordinates={"x": Inertial("m", "position of the block")},
@@ -47,7 +48,7 @@ def belt_stribeck(**given: float | str) -> System:
         span=DefaultSpan((0, 50)),
         time_unit="s",
         conditions={
-            "falling": Condition("F_s > F_c", "friction does not fall with the speed"),
+            "falling": Condition("F_s > F_c", "friction does not decrease with the speed"),
             "slow": Condition("V < V_c", "steady sliding is stable"),
         },
         functions={"V_c": "v_s*log((F_s - F_c)/(c*v_s))"},

@@ -20,12 +20,12 @@ _MOST = 100  # blades
 def bladed_disk(
     n: float = 4, order: float = 1, mistuning: float = 0.02, **given: float | str
 ) -> System:
-    """n sectors in a ring, each with a blade, driven by an engine order; neighbouring blades rub on
-    the damper between them.
+    """n sectors in a ring, each with a blade, under an engine-order excitation, with dry friction
+    dampers between neighbouring blades.
 
-    The structure ``u`` has the unknowns ``u[disc_1]``, ..., ``u[blade_1]``, ... A tuned ring
-    answers with a wave: every blade moves as the one before, later by order/n of a period. Blades
-    that differ a little share the energy unevenly.
+    The structure ``u`` has the unknowns ``u[disc_1]``, ..., ``u[blade_1]``, ... A tuned disk
+    responds with a travelling wave: every blade moves like the previous one, with a delay of
+    order/n of a period. Mistuned blades, which differ slightly, share the energy unevenly.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ def bladed_disk(
     whole = [is_finite(x) and float(x).is_integer() for x in (n, order)]
     if not (whole[0] and 3 <= n <= _MOST):
         raise DeclarationError(
-            "bladed_disk.n", "not a number of sectors", f"Give a whole number from 3 to {_MOST}"
+            "bladed_disk.n", "not a number of sectors", f"Give an integer from 3 to {_MOST}"
         )
     if not (whole[1] and 0 <= order < n):
         raise DeclarationError(
             "bladed_disk.order",
             "not an engine order",
-            f"Give a whole number from 0 to {int(n) - 1}",
+            f"Give an integer from 0 to {int(n) - 1}",
         )
     if not (is_finite(mistuning) and 0.0 <= mistuning < 1.0):
         raise DeclarationError(

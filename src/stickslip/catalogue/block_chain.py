@@ -11,7 +11,7 @@ _MOST = 20_000
 
 
 def block_chain(N: float = 3, **given: float | str) -> System:
-    """N blocks in a row on a moving belt, each held by a spring and joined to its neighbours by
+    """N blocks in a row on a moving belt, each held by a spring and connected to its neighbours by
     springs.
 
     Parameters
@@ -29,7 +29,7 @@ def block_chain(N: float = 3, **given: float | str) -> System:
     """
     if not (is_finite(N) and float(N).is_integer() and 1 <= N <= _MOST):
         raise DeclarationError(
-            "block_chain.N", "not a number of blocks", f"Give a whole number from 1 to {_MOST}"
+            "block_chain.N", "not a number of blocks", f"Give an integer from 1 to {_MOST}"
         )
     blocks = [f"x_{i}" for i in range(1, int(N) + 1)]
     joints = [f"({right} - {left})**2" for left, right in pairwise(blocks)]
@@ -64,9 +64,5 @@ def block_chain(N: float = 3, **given: float | str) -> System:
         initial={x: 0.2 * (i * i % 5) for i, x in enumerate(blocks)},
         span=DefaultSpan((0, 100)),
         time_unit="s",
-        conditions={
-            "stick-slip": Condition(
-                "F_s > F_k", "steady sliding and stick-slip do not differ in force"
-            )
-        },
+        conditions={"stick-slip": Condition("F_s > F_k", "static and kinetic friction are equal")},
     ).configure(given)

@@ -4,10 +4,10 @@ from stickslip.model.system import DefaultSpan, Inertial, Parameter, System, Uni
 
 
 def bouncing_ball(**given: float | str) -> System:
-    """Ball on a plate that may be shaken: infinitely many impacts in a finite time.
+    """Ball on a plate that may be shaken, with infinitely many impacts in a finite time.
 
-    On a plate at rest a ball dropped from h rests after √(2h/g) (1 + e)/(1 − e). On one that is
-    shaken it bounces once a period, twice, or in no order, as the amplitude grows.
+    On a plate at rest a ball dropped from h comes to rest after √(2h/g) (1 + e)/(1 − e). On a
+    shaken plate it bounces once per period, twice, or irregularly, as the amplitude increases.
 
     Parameters
     ----------

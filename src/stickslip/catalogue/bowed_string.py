@@ -4,9 +4,9 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def bowed_string(**given: float | str) -> System:
-    """One mode of a string under a bow whose friction falls with the speed of sliding.
+    """One mode of a string under a bow whose friction decreases with the sliding speed.
 
-    Pressed less than F_min, the bow slides evenly and the string is silent.
+    If the bow is pressed with less than F_min, it slides steadily and the string is silent.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def bowed_string(**given: float | str) -> System:
             "V": Parameter(0.1, "m/s", "speed of the bow", "(0, inf)"),
             "mu_s": Parameter(0.8, "1", "coefficient of friction", "[0, inf)"),
             "mu_d": Parameter(0.3, "1", "coefficient of friction", "[0, inf)"),
-            "v_0": Parameter(0.1, "m/s", "speed at which friction falls", "(0, inf)"),
+            "v_0": Parameter(0.1, "m/s", "speed over which friction decreases", "(0, inf)"),
         },
         functions={
             "w": "2*pi*f",
@@ -53,6 +53,6 @@ def bowed_string(**given: float | str) -> System:
         },
         span=(0, 0.15),
         time_unit="s",
-        conditions={"sound": Condition("F > F_min", "the bow slides evenly: no sound")},
+        conditions={"sound": Condition("F > F_min", "the bow slides steadily: no sound")},
         facts={"least_bow_force": "F_min", "smallest_amplitude": "V/w"},
     ).configure(given)

@@ -5,10 +5,12 @@ from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def brake_mode_coupling(**given: float | str) -> System:
-    """Mass on two oblique springs, pressed on a belt by a third: constant friction makes it squeal.
+    """Mass on two oblique springs, pressed onto a belt by a third: it squeals under a constant
+    friction coefficient.
 
-    The friction follows the normal force, and that the vertical motion, so that the stiffness is
-    not symmetric; two modes meet and one of them grows, until the mass sticks.
+    The friction is proportional to the normal force, which depends on the vertical motion, so that
+    the stiffness matrix is not symmetric. Two modes coalesce and one of them grows until the mass
+    sticks.
 
     Parameters
     ----------

@@ -16,11 +16,11 @@ _MOST = 200  # elements
 
 
 def cantilever(n: float = 8, **given: float | str) -> System:
-    """Beam clamped at one end and shaken at the other, with a dry damper in between.
+    """Beam clamped at one end and forced at the other, with a dry friction damper in between.
 
     The structure ``u`` has the deflection and the rotation of every node; ``u[rub]`` is the
     deflection at the damper, three eighths of the length from the clamp, ``u[tip]`` that of the
-    free end. Little force leaves the damper stuck.
+    free end. Under a small force the damper sticks.
 
     Parameters
     ----------

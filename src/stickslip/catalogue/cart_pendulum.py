@@ -4,11 +4,11 @@ from stickslip.model.system import Contact, Inertial, Parameter, System
 
 
 def cart_pendulum(**given: float | str) -> System:
-    """Pendulum on a cart with dry friction under the cart: inertia that depends on the angle.
+    """Pendulum on a cart with dry friction: inertia that depends on the angle.
 
-    The cart is carried along by swings that are large enough and sticks in between; once they have
-    died out so far that the rod cannot move it any more, the pendulum swings as if its pivot were
-    fixed. That is so where F_c exceeds the largest horizontal force of the rod.
+    Large swings move the cart, which sticks in between. Once they have decayed so far that the rod
+    cannot move the cart any more, the pendulum swings as if its pivot were fixed. This is the case
+    if F_c exceeds the largest horizontal force of the rod.
 
     Parameters
     ----------

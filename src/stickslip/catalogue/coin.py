@@ -4,9 +4,11 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def coin(**given: float | str) -> System:
-    """Coin thrown across a table with a spin: a disc under an even pressure. The faster it spins,
-    the less friction holds it back, and however it was thrown, sliding and spinning end at the same
-    instant, in the same ratio of speeds. The numbers are those of one euro.
+    """Coin thrown across a table with spin: a disc under uniform pressure.
+
+    The faster it spins, the smaller the friction against its sliding. However it was thrown,
+    sliding and spinning end at the same instant, in the same ratio of speeds. The parameters are
+    those of a one-euro coin.
 
     Parameters
     ----------
@@ -43,6 +45,6 @@ def coin(**given: float | str) -> System:
         initial={"d_x": 0.3, "d_phi": 60.0},
         span=(0, 0.4),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "it never comes to rest")},
+        conditions={"friction": Condition("mu > 0", "the body never comes to rest")},
         facts={"largest_moment": "2/3*mu*m*g*a"},
     ).configure(given)

@@ -4,8 +4,9 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def conveyor(**given: float | str) -> System:
-    """Parcel that one belt hands over to another, which goes across the first: both rub on it, each
-    with the share of its weight that it bears, and it turns the corner in a slip.
+    """Parcel that passes from one belt to another at a right angle. Both belts exert friction on
+    it, each in proportion to the part of the weight that it bears, and the parcel turns the corner
+    in a slip.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def curling_stone(**given: float | str) -> System:
-    """Curling stone that stands on a ring and turns slowly while it slides, on ice whose friction
-    falls with the speed.
+    """Curling stone on a ring, turning slowly while it slides, on ice whose friction decreases with
+    the speed.
 
-    It goes straight: under a pressure that is the same all round, the side forces at its front and
-    at its back cancel. A real stone curls by a metre, since friction differs between the two; why,
+    It moves in a straight line: under uniform pressure the lateral forces at its front and at its
+    back cancel. A real stone curls by a metre, because the friction at the two differs; the cause
     is still debated.
 
     Parameters
@@ -27,10 +27,10 @@ def curling_stone(**given: float | str) -> System:
         source="after Penner 2001",
         parameters={
             "m": Parameter(19.0, "kg", "mass", "(0, inf)"),
-            "a": Parameter(0.06, "m", "radius of the ring that it stands on", "(0, inf)"),
+            "a": Parameter(0.06, "m", "radius of the running band", "(0, inf)"),
             "b": Parameter(0.145, "m", "radius of the stone", "(0, inf)"),
             "mu": Parameter(0.03, "1", "coefficient of friction at rest", "[0, inf)"),
-            "v_0": Parameter(0.3, "m/s", "speed over which it falls", "(0, inf)"),
+            "v_0": Parameter(0.3, "m/s", "speed over which it decreases", "(0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
         },
         coordinates={
@@ -51,5 +51,5 @@ def curling_stone(**given: float | str) -> System:
         initial={"d_x": 2.4, "d_phi": 2.5},
         span=(0, 30),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "it never comes to rest")},
+        conditions={"friction": Condition("mu > 0", "the body never comes to rest")},
     ).configure(given)

@@ -5,10 +5,10 @@ from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def drill_string(**given: float | str) -> System:
-    """Torsion of a drill string between a rotary table and a bit on Stribeck's curve.
+    """Torsion of a drill string between a rotary table and a bit with a Stribeck friction law.
 
-    Angles are those in excess of even rotation, Ωt. The motor holds the table like a damper c_t
-    and a spring k_t, the proportional and the integral part of its control.
+    Angles are relative to uniform rotation, Ωt. The motor holds the table like a damper c_t and a
+    spring k_t, the proportional and the integral part of its control.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def drill_string(**given: float | str) -> System:
             "Omega": Parameter(5.0, "rad/s", "speed of the table", "(0, inf)"),
             "T_s": Parameter(6000.0, "N*m", "torque at rest", "(0, inf)"),
             "T_c": Parameter(4000.0, "N*m", "torque at high speed", "(0, inf)"),
-            "omega_s": Parameter(2.0, "rad/s", "speed at which it falls", "(0, inf)"),
+            "omega_s": Parameter(2.0, "rad/s", "speed over which it decreases", "(0, inf)"),
         },
         coordinates={
             "theta": Inertial("rad", "angle of the table, less Ωt"),
@@ -53,7 +53,9 @@ def drill_string(**given: float | str) -> System:
         },
         span=(0, 60),
         time_unit="s",
-        conditions={"falling": Condition("T_s > T_c", "the torque does not fall with the speed")},
+        conditions={
+            "falling": Condition("T_s > T_c", "the torque does not decrease with the speed")
+        },
         facts={
             "critical_speed": "omega_s*log((T_s - T_c)/(c*omega_s))",
             "frequency": "sqrt(k/J)/(2*pi)",

@@ -7,8 +7,8 @@ def forced_oscillator(**given: float | str) -> System:
     """Mass on a spring with dry friction under a harmonic force: m ẍ + k x + F_c Sign(ẋ) ∋ P cos
     ωt.
 
-    The default has two stops in every period; with little friction (F_c = 0.3, omega = 0.8) the
-    motion is non-stop.
+    The default has two stops per period; with little friction (F_c = 0.3, omega = 0.8) the motion
+    is non-stop.
 
     Parameters
     ----------

@@ -5,11 +5,11 @@ from stickslip.symbolic.formulas import TimeFunction
 
 
 def isolated_floor(**given: float | str | TimeFunction) -> System:
-    """Floor on spherical sliding bearings, under an earthquake of two components: friction holds
-    against the velocity, and each direction takes part of what it can hold.
+    """Floor on spherical sliding bearings, under an earthquake with two components: the friction
+    force opposes the velocity and is limited in magnitude, so that the two directions interact.
 
-    The accelerations are synthetic ones, sines under an envelope; ``a_x=ss.Samples(...)`` and
-    ``a_y=ss.Samples(...)`` take measured ones.
+    The default accelerations are synthetic, sines under an envelope; pass measured ones as
+    ``a_x=ss.Samples(...)`` and ``a_y=ss.Samples(...)``.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def isolated_floor(**given: float | str | TimeFunction) -> System:
             "mu": Parameter(0.05, "1", "coefficient of friction of the bearings", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "R": Parameter(1.5, "m", "radius of the bearings", "(0, inf)"),
-            "S": Parameter(1.0, "m/s^2", "what 1 in the accelerations stands for", "(0, inf)"),
+            "S": Parameter(1.0, "m/s^2", "scale of the accelerations", "(0, inf)"),
         },
         functions={"envelope": "(t/3)**2*exp(2 - 2*t/3)"},
         drives={

@@ -7,8 +7,8 @@ from stickslip.model.system import DefaultSpan, Inertial, Parameter, System
 def iwan_oscillator(**given: float | str) -> System:
     """Mass on a spring under a harmonic force, with a bolted joint: sliders of all strengths.
 
-    Weak sliders slip at any amplitude A, and what they dissipate in a cycle grows like A to the
-    power 3 + chi; once all slip the joint holds F_c.
+    Weak sliders slip at any amplitude A, and the energy that they dissipate per cycle grows like A
+    to the power 3 + chi; once all slip the joint force is F_c.
 
     Parameters
     ----------

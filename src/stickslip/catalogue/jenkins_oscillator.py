@@ -5,10 +5,11 @@ from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, 
 
 
 def jenkins_oscillator(**given: float | str) -> System:
-    """Mass on a spring under a harmonic force, damped by a slider behind a spring of its own.
+    """Mass on a spring under a harmonic force, damped by a slider behind a second spring.
 
-    Little force leaves the slider where it is, and the resonance is that of both springs; much of
-    it makes the damper weak, and the resonance is that of one. Between the two it damps best.
+    Under a small force the slider sticks, and the resonance is that of both springs; under a large
+    one the damper is weak, and the resonance is that of one spring. In between the damping has a
+    maximum.
 
     Parameters
     ----------

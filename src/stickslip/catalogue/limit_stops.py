@@ -6,11 +6,11 @@ from stickslip.model.system import Contact, DefaultSpan, Inertial, Parameter, Sy
 
 
 def limit_stops(**given: float | str) -> System:
-    """A small valve: a spool on a spring, pushed by a pressure that oscillates, with dry friction
-    and a stop at either end.
+    """A small valve: a spool on a spring, pushed by an oscillating pressure, with dry friction and
+    a stop at either end.
 
-    Event handling that has to be told every transition gets this wrong: the spool rebounds a few
-    times, comes to rest at a stop, and leaves it as the force turns.
+    The spool rebounds a few times, comes to rest at a stop, and leaves it when the force reverses.
+    Event handling in which every transition is programmed separately gets this wrong.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def limit_stops(**given: float | str) -> System:
             "M": Parameter(0.0003361185937456267, "kg", "mass", "(0, inf)"),
             "k": Parameter(1488.578099595049, "N/m", "stiffness of the spring", "[0, inf)"),
             "F_0": Parameter(8.54503372291542, "N", "force of the spring at the left stop"),
-            "left": Parameter(0.0, "m", "place of the left stop"),
-            "right": Parameter(0.001016, "m", "place of the right stop"),
+            "left": Parameter(0.0, "m", "position of the left stop"),
+            "right": Parameter(0.001016, "m", "position of the right stop"),
             "F_c": Parameter(1.0, "N", "dry friction", "[0, inf)"),
             "e": Parameter(0.3, "1", "restitution of the stops", "[0, 1]"),
             "area": Parameter(7.373657906574696e-5, "m^2", "area that is pushed", "(0, inf)"),
@@ -41,7 +41,7 @@ def limit_stops(**given: float | str) -> System:
             "omega": Parameter(500.0 * pi, "1/s", "frequency of the pressure", "(0, inf)"),
         },
         drives={"pressure": "P_0 + P_1*sin(omega*t)"},
-        coordinates={"x": Inertial("m", "place of the spool", force="area*pressure")},
+        coordinates={"x": Inertial("m", "position of the spool", force="area*pressure")},
         kinetic="M/2*d_x**2",
         potential="F_0*x + k/2*x**2",
         contacts={

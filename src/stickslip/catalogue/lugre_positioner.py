@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, Inertial, Internal, Parameter, Sys
 
 
 def lugre_positioner(**given: float | str) -> System:
-    """Mass with LuGre friction under a PID controller: it never comes to rest at its goal.
+    """Mass with LuGre friction under a PID controller: it never comes to rest at its setpoint.
 
     While it sticks, the integral grows until the mass breaks away; it overshoots and sticks on the
     other side (hunting).
@@ -31,13 +31,13 @@ def lugre_positioner(**given: float | str) -> System:
             "K_p": Parameter(3.0, "N/m", "proportional gain", "(0, inf)"),
             "K_i": Parameter(4.0, "N/(m*s)", "integral gain", "[0, inf)"),
             "K_d": Parameter(6.0, "N*s/m", "derivative gain", "[0, inf)"),
-            "x_d": Parameter(1.0, "m", "where it is to go"),
+            "x_d": Parameter(1.0, "m", "target position"),
             "sigma_0": Parameter(1e5, "N/m", "stiffness of the bristles", "(0, inf)"),
             "sigma_1": Parameter(1e5**0.5, "N*s/m", "damping of the bristles", "[0, inf)"),
             "sigma_2": Parameter(0.4, "N*s/m", "viscous friction", "[0, inf)"),
             "F_s": Parameter(1.5, "N", "static friction", "(0, inf)"),
             "F_c": Parameter(1.0, "N", "sliding friction", "(0, inf)"),
-            "v_s": Parameter(0.001, "m/s", "speed at which friction falls", "(0, inf)"),
+            "v_s": Parameter(0.001, "m/s", "speed over which friction decreases", "(0, inf)"),
         },
         coordinates={
             "x": Inertial("m", "position", force="-K_p*(x - x_d) - K_i*e - K_d*d_x"),

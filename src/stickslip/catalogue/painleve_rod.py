@@ -6,16 +6,16 @@ from stickslip.model.system import Condition, Inertial, Parameter, System, Unila
 
 
 def painleve_rod(**given: float | str) -> System:
-    """A rigid slender rod whose tip slides on a rough floor: above μ = 4/3 there are angles at
-    which no acceleration obeys the law.
+    """A rigid slender rod whose tip slides on a rough floor: for μ > 4/3 there are angles at which
+    no acceleration satisfies the law.
 
-    A tip that slides in front of its rod digs in: N accelerates it upwards by
-    (1 + 3 cos² θ − 3 μ sin θ cos θ) N/m. Where tan θ is between (3μ ∓ √(9μ² − 16))/2 that is
-    negative, and what starts to slide there, as it does for ``mu=1.5``, ends at once with *no
-    admissible acceleration*. What slides towards it reaches it only if μ > 8/√27, at the lower
-    angle and with l θ̇² sin θ = g, as the normal force tends to infinity; for smaller μ the tip
-    lifts off before. As declared the tip sticks, and the rod vaults over it. The span ends before
-    it lies on the floor: only the tip is a contact. A start on the floor has y = l sin θ.
+    A tip that slides ahead of its rod digs in: N accelerates it upwards by (1 + 3 cos² θ − 3 μ sin
+    θ cos θ) N/m. Where tan θ is between (3μ ∓ √(9μ² − 16))/2 this is negative, and a slip that
+    starts there, as for ``mu=1.5``, ends at once with *no admissible acceleration*. A slip outside
+    this interval reaches it only if μ > 8/√27, at the lower angle and with l θ̇² sin θ = g, as the
+    normal force tends to infinity; for smaller μ the tip lifts off before. With the declared
+    parameters the tip sticks, and the rod vaults over it. The span ends before the rod lies on the
+    floor: only the tip is a contact. A start on the floor has y = l sin θ.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def painleve_rod(**given: float | str) -> System:
             "e": Parameter(0.0, "1", "restitution", "[0, 1]"),
         },
         coordinates={
-            "x": Inertial("m", "place of the centre"),
+            "x": Inertial("m", "position of the centre"),
             "y": Inertial("m", "height of the centre"),
             "theta": Inertial("rad", "angle of the rod from the floor"),
         },
@@ -61,7 +61,7 @@ def painleve_rod(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "no paradox": Condition(
-                "mu < 4/3", "at some angles a tip that slides in front has no acceleration"
+                "mu < 4/3", "at some angles a sliding tip has no admissible acceleration"
             )
         },
         facts={

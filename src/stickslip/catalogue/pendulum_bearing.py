@@ -6,7 +6,7 @@ from stickslip.symbolic.formulas import TimeFunction
 
 def pendulum_bearing(**given: float | str | TimeFunction) -> System:
     """Mass in a spherical dish that is shaken in two directions. Friction acts along the dish, and
-    changes the normal force that presses it; for small displacements it is `isolated_floor`.
+    changes the normal force that causes it; for small displacements it is `isolated_floor`.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def pendulum_bearing(**given: float | str | TimeFunction) -> System:
             "mu": Parameter(0.05, "1", "coefficient of friction", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "R": Parameter(1.0, "m", "radius of the dish", "(0, inf)"),
-            "S": Parameter(1.0, "m/s^2", "what 1 in the accelerations stands for", "(0, inf)"),
+            "S": Parameter(1.0, "m/s^2", "scale of the accelerations", "(0, inf)"),
         },
         functions={
             "envelope": "(t/3)**2*exp(2 - 2*t/3)",

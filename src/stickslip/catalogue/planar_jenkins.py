@@ -4,8 +4,8 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Rate
 
 
 def planar_jenkins(**given: float | str) -> System:
-    """Mass on springs under a force that goes around an ellipse, damped by a slider that it drags
-    along by a spring; the slider slips whichever way the force on it points.
+    """Mass on springs under a force that moves along an ellipse, damped by a slider behind a
+    spring; the slider slips in the direction of its force, whatever that is.
 
     Parameters
     ----------

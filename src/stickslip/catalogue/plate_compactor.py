@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Pa
 
 
 def plate_compactor(**given: float | str) -> System:
-    """A plate pulled over the ground while a rotating imbalance shakes its weight, N = mg + F cos
-    Ωt.
+    """A plate pulled over the ground while a rotating imbalance modulates its normal force, N = mg
+    + F cos Ωt.
 
-    It moves in short steps at the moments when it is light, far below the friction μmg of its
-    weight.
+    It moves in short steps at the moments when the normal force is small, far below the friction
+    μmg of its weight.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def plate_compactor(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "ground contact": Condition(
-                "F <= m*g", "the plate leaves the ground; here it then slides freely"
+                "F <= m*g", "the plate lifts off; in the model it then slides without friction"
             )
         },
         facts={"mean_threshold": "mu*m*g", "smallest_threshold": "mu*max(m*g - F, 0)"},

@@ -4,11 +4,10 @@ from stickslip.model.system import Condition, DefaultSpan, Parameter, System, Vi
 
 
 def prandtl_tomlinson(**given: float | str) -> System:
-    """A tip pulled over an atomic lattice: smooth forces and a small viscosity alone make stick and
-    slip.
+    """A tip pulled over an atomic lattice: stick-slip from smooth forces and a small viscosity.
 
-    Without inertia, η ẋ + (2πV_0/a) sin(2πx/a) + k(x − X(t)) = 0. The tip has no dry friction of
-    its own: that of the whole arises because it jumps from one valley of the lattice to the next.
+    Without inertia, η ẋ + (2πV_0/a) sin(2πx/a) + k(x − X(t)) = 0. The tip has no dry friction; the
+    friction of the system arises because the tip jumps from one valley of the lattice to the next.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ def prandtl_tomlinson(**given: float | str) -> System:
         parameters={
             "k": Parameter(1.0, "N/m", "stiffness of the spring", "(0, inf)"),
             "V_0": Parameter(0.05, "aJ", "half the depth of the valleys", "[0, inf)"),
-            "a": Parameter(0.5, "nm", "distance of the valleys", "(0, inf)"),
+            "a": Parameter(0.5, "nm", "distance between the valleys", "(0, inf)"),
             "nu": Parameter(0.01, "N*s/m", "viscosity", "(0, inf)"),
             "V": Parameter(1.0, "nm/s", "speed of the support"),
         },

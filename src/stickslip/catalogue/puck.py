@@ -4,9 +4,9 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def puck(**given: float | str) -> System:
-    """Puck thrown across a table that is a little tilted: friction acts against its velocity, the
-    side force turns it, the faster the slower the puck is, and it stops with its velocity along the
-    force.
+    """Puck thrown across a slightly tilted table. Friction opposes its velocity, and the side force
+    turns the velocity, the faster the slower the puck is; the puck stops with its velocity along
+    the force.
 
     Parameters
     ----------

@@ -6,15 +6,15 @@ from stickslip.model.system import Condition, Inertial, Parameter, System, Unila
 def ramp_walker(**given: float | str) -> System:
     """A toy with two legs that rocks its way down a ramp: figure 1.1(B) of [M].
 
-    The body rocks by ψ on two springy legs. The foot of the lighter side slips first, and is lifted
-    beyond ψ*; gravity along the ramp pulls it forward, and the other foot holds. The feet are
-    contacts that open, with impacts where they land.
+    The body rocks by ψ on two elastic legs. The foot of the unloaded side slips first, and is
+    lifted beyond ψ*; gravity along the ramp pulls it forward, while the other foot sticks. The feet
+    are contacts that can open, with impacts where they land.
 
-    The legs carry the weight at y = 0. As long as both feet are on the ground y does not move, and
-    the right one is pressed with N = (m_b/2 + m_l) g cos γ + k l sin ψ + d l ψ': for small angles
-    and small d this is (4.1) of [M] with
-    H_* = μ m_b g cos γ, ψ* = m_b g cos γ/(2 k l), ρ = μ m_l g cos γ, P = (m_b/2 + m_l) g sin γ,
-    b = 2 k l² − m_b g h cos γ (m_W + m_b there is m_b/4 here).
+    The legs carry the weight at y = 0. While both feet are on the ground y does not move, and the
+    normal force of the right one is N = (m_b/2 + m_l) g cos γ + k l sin ψ + d l ψ': for small
+    angles and small d this is (4.1) of [M] with H_* = μ m_b g cos γ, ψ* = m_b g cos γ/(2 k l), ρ =
+    μ m_l g cos γ, P = (m_b/2 + m_l) g sin γ, b = 2 k l² − m_b g h cos γ (m_W + m_b there is m_b/4
+    here).
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, 
 
 
 def rate_and_state_slider(**given: float | str) -> System:
-    """A fault of unit area that is loaded by a spring: earthquakes, in one degree of freedom.
+    """A fault of unit area that is loaded by a spring: earthquakes with one degree of freedom.
 
     The stress on the fault is sigma·friction(v, theta) + eta·v. It increases with the slip rate v
-    at any state theta, so that v follows from the stress: nothing ever sticks, but between
-    earthquakes the fault creeps at rates that are smaller by fifteen orders of magnitude.
+    at any state theta, so that v follows from the stress. The fault never sticks, but between
+    earthquakes it creeps at rates that are smaller by fifteen orders of magnitude.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def rate_and_state_slider(**given: float | str) -> System:
         parameters={
             "a": Parameter(0.01, "1", "direct effect", "(0, inf)"),
             "b": Parameter(0.015, "1", "evolution effect", "[0, inf)"),
-            "D_c": Parameter(8e-3, "m", "slip in which the state changes", "(0, inf)"),
+            "D_c": Parameter(8e-3, "m", "slip distance over which the state evolves", "(0, inf)"),
             "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(1e-6, "m/s", "reference rate", "(0, inf)"),
             "sigma": Parameter(5e7, "Pa", "normal stress", "(0, inf)"),

@@ -4,14 +4,14 @@ from stickslip.model.system import Condition, Inertial, Jump, Parameter, System
 
 
 def rimless_wheel(**given: float | str) -> System:
-    """Spokes around a mass, each a pendulum upside down until the next one strikes the ground.
+    """Spokes around a mass, each an inverted pendulum until the next one strikes the ground.
 
-    The leg on the ground changes where the wheel leans by α + γ; the impact is plastic, and the
-    angular momentum about the new foot is that before. It walks with the rate
-    cot(2α) √(4 (g/l) sin α sin γ) after each exchange; what is off in its square shrinks by
-    cos² 2α in a step. Heights are counted from the foot, so the energy jumps by what the impact
-    takes, less what the next foot lies lower: in the cycle by nothing. A wheel that falls back over
-    its foot is not followed to the ground behind it.
+    The stance leg changes where the wheel leans by α + γ; the impact is plastic, and conserves the
+    angular momentum about the new foot. In the limit cycle the rate after each impact is cot(2α)
+    √(4 (g/l) sin α sin γ); the deviation of its square is multiplied by cos² 2α in each step.
+    Heights are measured from the foot, so the energy jumps by the loss of the impact minus the
+    descent of the foot: in the cycle the jump vanishes. A wheel that falls back over its foot is
+    not followed to the ground behind it.
 
     Parameters
     ----------

@@ -4,12 +4,12 @@ from stickslip.model.system import Condition, Inertial, Parameter, System
 
 
 def rocking_oscillator(**given: float | str) -> System:
-    """The rocking angle alone, with the legs' distance d = G(ψ, ψ̇):
-    I_b ψ̈ + δψ̇ + bψ − c G(ψ, ψ̇) = 0.
+    """The rocking angle alone, with the legs' distance d = G(ψ, ψ̇): I_b ψ̈ + δψ̇ + bψ − c G(ψ, ψ̇)
+    = 0.
 
-    Γ falls from X at ψ ≤ ψ_3 along G_L⁺ to −X at ψ ≥ ψ*, which is one clip. G jumps where ψ̇ changes
-    sign while |ψ| < ψ*; a motion that would slide along that jump leaves what the oscillator
-    describes.
+    Γ decreases from X at ψ ≤ ψ_3 along G_L⁺ to −X at ψ ≥ ψ*, which is one clip. G jumps where ψ̇
+    changes sign while |ψ| < ψ*; motions that would slide along that jump are outside the validity
+    of the oscillator.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Rate
 
 
 def rocking_toy(**given: float | str) -> System:
-    """A toy animal that a weight pulls forward: it walks because its rocking unloads the legs one
-    after the other.
+    """A toy animal that is pulled forward by a weight: it walks because its rocking unloads the
+    legs one after the other.
 
-    The friction H_R(ψ) of the right leg rises from 0 at ψ ≤ −ψ* to H* at ψ ≥ ψ*; that of the left
-    leg is H_R(−ψ).
+    The friction H_R(ψ) of the right leg increases from 0 at ψ ≤ −ψ* to H* at ψ ≥ ψ*; that of the
+    left leg is H_R(−ψ).
 
     Parameters
     ----------

@@ -4,8 +4,8 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def rocking_toy_inertial(**given: float | str) -> System:
-    """A toy animal that a weight over the table's edge pulls forward, with the masses of weight,
-    body and legs.
+    """A toy animal that is pulled forward by a weight over the edge of the table, with the masses
+    of weight, body and legs.
 
     Parameters
     ----------

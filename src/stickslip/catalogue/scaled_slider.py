@@ -4,11 +4,10 @@ from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider(**given: float | str) -> System:
-    """The spring slider close to the point where its steady sliding loses stability, with nothing
-    dropped.
+    """The spring slider close to the loss of stability of its steady sliding, scaled without
+    approximation.
 
-    V = ν v̂, U = μ̃(α) + ν²β, α = 1 + νγ, μ̃(α) = μ(νγ) + √ν bμ(0): β > 0 is sliding, β < 0 is
-    sticking.
+    V = ν v̂, U = μ̃(α) + ν²β, α = 1 + νγ, μ̃(α) = μ(νγ) + √ν bμ(0): β > 0 is slip, β < 0 is stick.
 
     Parameters
     ----------

@@ -4,8 +4,7 @@ from stickslip.model.system import Condition, Internal, Parameter, System
 
 
 def scaled_slider_limit(**given: float | str) -> System:
-    """The scaled spring slider at lowest order in ν: linear in sliding (β > 0) and in sticking (β <
-    0).
+    """The scaled spring slider at lowest order in ν: linear in slip (β > 0) and in stick (β < 0).
 
     Parameters
     ----------

@@ -4,15 +4,15 @@ from stickslip.model.system import Inertial, Internal, Jump, Parameter, System
 
 
 def simplest_walker(**given: float | str) -> System:
-    """Two legs that walk down a slope by gravity alone.
+    """Two legs that walk down a slope under gravity alone.
 
-    Feet are so light that the stance leg is a pendulum upside down that feels nothing of the swing
-    leg, and the swing leg a pendulum that the hip carries along: internal variables. Time is
-    counted in √(l/g). The swinging foot scuffs the ground when the legs pass each other, which is
-    ignored; heel strike is where φ − 2θ rises through zero. At γ = 0.009 there are two cycles: the
-    long one, from which it starts, is stable, with the multipliers −0.190 ± 0.558 i. Its steps last
-    3.88246. Up to γ = 0.0151 it stays so, then its periods double, and above 0.019 nothing walks.
-    Heights are counted from the foot, see :func:`rimless_wheel`.
+    The feet are so light that the stance leg is an inverted pendulum unaffected by the swing leg,
+    and the swing leg a pendulum moved by the hip: internal variables. The unit of time is √(l/g).
+    The swing foot would scuff the ground when the legs pass each other, which is ignored; heel
+    strike is where φ − 2θ rises through zero. At γ = 0.009 there are two cycles. The long one,
+    which is the initial state, is stable, with the multipliers −0.190 ± 0.558 i and the step period
+    3.88246. It is stable up to γ = 0.0151, where its period doubles; above 0.019 no gait remains.
+    Heights are measured from the foot, see :func:`rimless_wheel`.
 
     Parameters
     ----------

@@ -5,10 +5,10 @@ from stickslip.symbolic.formulas import TimeFunction
 
 
 def sliding_base(**given: float | str | TimeFunction) -> System:
-    """Block on a base that is shaken; it slides where friction is too weak to carry it along.
+    """Block on a shaken base; it slides where friction cannot accelerate it like the base.
 
-    The acceleration is a synthetic one, three sines under an envelope; ``a=ss.Samples(...)`` takes
-    a measured one, and the motion then lasts as long as that.
+    The default acceleration is synthetic, three sines under an envelope; pass a measured one as
+    ``a=ss.Samples(...)``, and the motion then covers the record.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
             "m": Parameter(1.0, "kg", "mass", "(0, inf)"),
             "mu": Parameter(0.2, "1", "coefficient of friction", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
-            "S": Parameter(1.0, "m/s^2", "what 1 in the acceleration stands for", "(0, inf)"),
+            "S": Parameter(1.0, "m/s^2", "scale of the acceleration", "(0, inf)"),
         },
         functions={"envelope": "(t/2.5)**2*exp(2 - 2*t/2.5)"},
         drives={

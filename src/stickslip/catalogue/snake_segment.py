@@ -4,12 +4,12 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def snake_segment(**given: float | str) -> System:
-    """Segment of a snake, which its neighbours push from side to side and turn, as in a wave that
-    runs backward. Its scales hold it more sideways than backward, and more backward than forward,
-    so it moves forward, though nothing pushes it that way.
+    """Segment of a snake, pushed from side to side and turned by its neighbours, as in a wave that
+    travels backward. The friction of its scales is larger sideways than backward, and larger
+    backward than forward, so it moves forward, although no force pushes it in that direction.
 
-    Friction is given in the frame of the body, which turns. Turning is held with at most
-    mu_t*m*g*L/4, as of a line of length L under an even pressure.
+    Friction is given in the frame of the body, which turns. The friction moment is at most
+    mu_t*m*g*L/4, that of a line of length L under uniform pressure.
 
     Parameters
     ----------

@@ -12,8 +12,8 @@ from stickslip.model.system import (
 
 
 def spring_slider(**given: float | str) -> System:
-    """Block on a spring, whose friction μ(α) drops with the state α (a temperature) that sliding
-    heats.
+    """Block on a spring, whose friction μ(α) decreases with the state α (a temperature), which
+    sliding increases.
 
     With the block at z and the load at ℓ, the coordinate is U = ℓ − z as in (3.3): the spring force
     is kU, and the sliding velocity ż = ℓ̇ − U̇ is that of U against a belt.

@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, 
 
 
 def stick_slip_actuator(**given: float | str) -> System:
-    """Slider on a rod that a piezo moves slowly forth and fast back: it sticks, then slips.
+    """Slider on a rod that a piezo moves slowly forward and fast back: it sticks, then slips.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def stick_slip_actuator(**given: float | str) -> System:
             "F_c": Parameter(0.1, "N", "friction", "(0, inf)"),
             "A": Parameter(1e-6, "m", "stroke of the rod", "(0, inf)"),
             "T": Parameter(1e-3, "s", "period", "(0, inf)"),
-            "share": Parameter(0.8, "1", "share of the way forth in the period", "(0, 1)"),
+            "share": Parameter(0.8, "1", "fraction of the period of the forward stroke", "(0, 1)"),
         },
         functions={"back": "(1 - share)*T"},
         drives={"rod": "piecewise(mod(t, T) < share*T, A/(share*T), -A/back)"},

@@ -4,9 +4,9 @@ from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Pa
 
 
 def turntable(**given: float | str) -> System:
-    """Block on a rotating disc, held by a weak spring whose end is fixed beside the axis: the disc
-    carries it along until the spring is stretched, it slips back, and is carried along again, in a
-    loop. Without the spring (``k=0``) it is carried around, or thrown off.
+    """Block on a rotating disc, held by a weak spring whose end is fixed away from the axis. The
+    disc carries the block along until the spring is stretched, the block slips back, and sticks
+    again, in a loop. Without the spring (``k=0``) it is carried around, or thrown off.
 
     Parameters
     ----------

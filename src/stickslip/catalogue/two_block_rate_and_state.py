@@ -4,12 +4,13 @@ from stickslip.model.system import DefaultSpan, Internal, Parameter, System, Vis
 
 
 def two_block_rate_and_state(**given: float | str) -> System:
-    """Two parts of a fault, coupled by a spring and loaded by their own: complex earthquake cycles.
+    """Two parts of a fault, coupled by a spring, each loaded by a spring: complex earthquake
+    cycles.
 
-    Each is a rate-and-state slider without mass, with radiation damping. Alone, a slider repeats
-    itself; two that differ in strength or stiffness may alternate, double their periods, or never
-    repeat. The numbers here are those of the single slider, with a second block whose friction
-    weakens more.
+    Each is a rate-and-state slider without mass, with radiation damping. The motion of a single
+    slider is periodic; two that differ in strength or stiffness may alternate, double their
+    periods, or be aperiodic. The parameters are those of the single slider, with a second block
+    whose friction weakens more.
 
     Parameters
     ----------

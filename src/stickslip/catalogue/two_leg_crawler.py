@@ -11,12 +11,12 @@ from stickslip.model.system import (
 
 
 def two_leg_crawler(**given: float | str) -> System:
-    """Two legs joined by a spring whose rest length oscillates; bristles make forward motion the
-    easier one.
+    """Two legs joined by a spring whose rest length oscillates; bristles make forward motion easier
+    than backward motion.
 
     A leg needs the force f_plus to move forward and f_minus to move backward. The legs are
-    quasistatic, and each position is measured from where the leg stands at mid-stroke, so that L is
-    the rest length less its mean.
+    quasistatic, and each position is relative to that of the leg at mid-stroke, so that L is the
+    rest length minus its mean.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def two_leg_crawler(**given: float | str) -> System:
         time_unit="s",
         conditions={
             "step": Condition(
-                "D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg ever moves"
+                "D > 2*min(f_plus, f_minus)/k", "the stroke is too short: no leg moves"
             ),
             "direction": Condition(
                 "abs(f_minus - f_plus) > 0", "without a preferred direction there is no net motion"

@@ -4,12 +4,12 @@ from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, 
 
 
 def velocity_step(**given: float | str) -> System:
-    """A sample that is pushed by a spring whose load point changes its speed at once.
+    """A sample that is pushed by a spring whose load point changes its speed abruptly.
 
-    The state is the coefficient of friction mu and phi = ln(v_0 theta/D_c): the rate of slip
-    v = v_0 exp((mu − mu_0 − b phi)/a) follows from both, at all rates, so that nothing is stiff at
-    rest. The normal stress is constant; `trend` is what friction changes with the way of the load
-    point besides, as wear and consolidation make it.
+    The state is the coefficient of friction mu and phi = ln(v_0 theta/D_c): the slip rate v = v_0
+    exp((mu − mu_0 − b phi)/a) follows from both, at all rates, so that the equations are not stiff
+    at rest. The normal stress is constant; `trend` is an additional change of friction with the
+    displacement of the load point, due to wear and consolidation.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def velocity_step(**given: float | str) -> System:
         parameters={
             "a": Parameter(0.01, "1", "direct effect", "(0, inf)"),
             "b": Parameter(0.012, "1", "evolution effect", "[0, inf)"),
-            "D_c": Parameter(10.0, "um", "slip in which the state changes", "(0, inf)"),
+            "D_c": Parameter(10.0, "um", "slip distance over which the state evolves", "(0, inf)"),
             "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(3.0, "um/s", "reference rate", "(0, inf)"),
             "k": Parameter(2e-3, "1/um", "stiffness per normal stress", "(0, inf)"),

@@ -6,9 +6,9 @@ from stickslip.model.system import Condition, DefaultSpan, Parameter, System, Vi
 def wiggly_energy(**given: float | str) -> System:
     """Viscous motion in an energy with many small wells: dry friction in the limit ε → 0.
 
-    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells are as small as ε, their slopes are not: the load must
-    exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ, although no
-    term of the energy has it and the viscosity vanishes.
+    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells have the size ε, but their slopes do not vanish: the
+    load must exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ,
+    although no term of the energy contains it and the viscosity vanishes.
 
     Parameters
     ----------

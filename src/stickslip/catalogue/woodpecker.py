@@ -4,12 +4,12 @@ from stickslip.model.system import Inertial, Parameter, System, Unilateral
 
 
 def woodpecker(**given: float | str) -> System:
-    """A sleeve on a pole and a woodpecker on a spring: friction under normal forces that the motion
-    makes, and impacts.
+    """A sleeve on a pole and a woodpecker on a spring: friction with normal forces that depend on
+    the motion, and impacts.
 
-    The sleeve jams against the pole while the bird swings to it and back, slides down a little
-    whenever the jam is loose, and the beak strikes the pole. Contacts: the beak, the lower and the
-    upper edge of the sleeve.
+    The sleeve jams against the pole while the bird swings towards it and back, and slides down a
+    little whenever it is not jammed; the beak strikes the pole. Contacts: the beak, the lower and
+    the upper edge of the sleeve.
 
     Parameters
     ----------

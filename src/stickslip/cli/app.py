@@ -18,7 +18,7 @@ from stickslip.results import Summary, certificate_rows
 app: typer.Typer = typer.Typer(
     name="stickslip",
     help="Exact stick-slip motion of systems with dry friction.",
-    epilog="Begin with: stickslip run rocking_toy",
+    epilog="Start with: stickslip run rocking_toy",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -69,7 +69,7 @@ def show(
     settings: ParameterOptions = None,
     latex: Annotated[bool, typer.Option("--latex", help="Equations in LaTeX.")] = False,
     toml: Annotated[
-        bool, typer.Option("--toml", help="The model file, to start your own from.")
+        bool, typer.Option("--toml", help="The model file, as a template for your own.")
     ] = False,
 ) -> None:
     """Show the equations, parameters and source of a system."""
@@ -87,7 +87,7 @@ def show(
 @app.command()
 @guarded
 def law(
-    name: Annotated[str | None, typer.Argument(metavar="[LAW]", help="The name of a law.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[LAW]", help="Name of a law.")] = None,
     settings: ParameterOptions = None,
     out: Out = None,
 ) -> None:
@@ -107,15 +107,16 @@ def law(
 @guarded
 def cite(
     model: Annotated[
-        str | None, typer.Argument(metavar="[MODEL]", help="A catalogue name or a model file.")
+        str | None,
+        typer.Argument(metavar="[MODEL]", help="Name of a catalogue system, or a model file."),
     ] = None,
 ) -> None:
-    """Say what to cite: this program, the paper it began with, and where a system comes from."""
+    """Show what to cite: this program, the paper it is based on, and the source of a system."""
     from stickslip.cli.common.models import references
 
     typer.echo(
-        f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved "
-        "exactly."
+        f"The stickslip developers, stickslip {__version__}: exact motions of systems with dry "
+        "friction."
     )
     typer.echo(_PAPER)
     for reference in [] if model is None else references(model):
@@ -128,19 +129,19 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result.")],
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODEL", help="The model that it should be of."),
+        typer.Option("--model", metavar="MODEL", help="The expected model of the result."),
     ] = None,
     settings: ParameterOptions = None,
     json_: Annotated[
-        bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")
+        bool, typer.Option("--json", help="Print only the certificate, as JSON.")
     ] = False,
 ) -> None:
     """Check a stored result.
 
-    The certificate of a motion or a play is recomputed from the stored data alone; other results
-    say what was measured when they were computed. With --model (and --set as it was given then) it
-    is compared with a model that may have been edited since. Exit code: 0 certified, 1 not, or of
-    another model, 2 no result.
+    The certificate of a motion or a play is recomputed from the stored data; for other results the
+    stored certificate is shown. With --model (and the --set options of the computation) the result
+    is compared with a model that may have been edited since. Exit code: 0 certified, 1 not
+    certified or a different model, 2 not a result.
     """
     from stickslip import open as open_result
     from stickslip.cli.common.report import print_summary
@@ -162,7 +163,7 @@ def check(
             ("result", f"{result.KIND}, {result.message}"),
             *certificate_rows(certificate),
             *((f"{model} differs" if i == 0 else "", line) for i, line in enumerate(changed)),
-            *([("model", f"that of {model}")] if model is not None and not changed else []),
+            *([("model", f"as in {model}")] if model is not None and not changed else []),
         )
         print_summary(Summary(result.title, rows, {}, certificate.ok and not changed))
     raise typer.Exit(0 if certificate.ok and not changed else NOT_CERTIFIED)
@@ -171,7 +172,7 @@ def check(
 @app.command()
 @guarded
 def warmup() -> None:
-    """Load the engine, compile what is missing, and say where machine code is kept.
+    """Load the engine, compile missing parts, and show where machine code is stored.
 
     Useful once after an installation, or on each node of a cluster.
     """
@@ -189,7 +190,7 @@ def warmup() -> None:
     for flow in ("auto", "taylor"):
         simulate(block, flow=flow).audit  # noqa: B018
     find_cycle(block).extrema  # noqa: B018
-    typer.echo(f"ready; machine code of systems is kept in {cache_folder()}")
+    typer.echo(f"ready; machine code of systems is stored in {cache_folder()}")
 
 
 for _name, _command in {

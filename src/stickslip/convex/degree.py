@@ -19,7 +19,6 @@ def degree(expression: Expr, names: Collection[str]) -> float | None:
 
     Parameters
     ----------
-    expression : Expr
     names : collection of str
         Components of v.
     """

@@ -153,7 +153,6 @@ def convex_formula(
 
     Parameters
     ----------
-    value : Expr
     names : tuple of str
         Components of v.
     ranges : mapping of str to (float, float)
@@ -185,8 +184,7 @@ def convex_formula(
             where,
             f"it is homogeneous of degree {order:.6g}, not 1: {symbol}(2 v) is "
             f"{2.0**order:.6g} {symbol}(v)",
-            "A dissipation that does not depend on how fast things go has degree 1, as "
-            "sqrt(v1**2 + v2**2) has",
+            "Use a rate-independent dissipation, which has degree 1, such as sqrt(v1**2 + v2**2)",
         )
     looked.check_values()
     looked.check_degree()

@@ -71,14 +71,14 @@ class LookedAt:
         if len(undefined):
             raise self._refused(
                 f"it has no finite value {self._at(undefined[0])}",
-                "Only at 0 may it be undefined, where it counts as 0",
+                "It may be undefined at v = 0 only",
             )
         least = np.unravel_index(int(self.values.argmin()), self.values.shape)
         if self.values[least] < -_ROUNDING * self.size:
             raise self._refused(
                 f"it is {self.values[least]:.6g} {self._at(least)}, but a dissipation is "
                 "nonnegative",
-                "Correct a sign",
+                "Check the signs",
             )
 
     def check_degree(self) -> None:
@@ -93,8 +93,7 @@ class LookedAt:
                 raise self._refused(
                     f"it is not homogeneous of degree 1: {R}({factor:g} v) = {scaled[k]:.6g}, but "
                     f"{factor:g} {R}(v) = {factor * self.values[k]:.6g}, {self._at(k)}",
-                    "A dissipation that does not depend on how fast things go is, such as "
-                    f"sqrt({self.names[0]}**2 + ...)",
+                    f"Use a rate-independent dissipation, such as sqrt({self.names[0]}**2 + ...)",
                 )
 
     def check_convex(self) -> None:
@@ -148,7 +147,7 @@ class LookedAt:
         raise self._refused(
             f"it is not convex: {R}(u + w) = {whole:.9g} exceeds {R}(u) + {R}(w) = {both:.9g} "
             f"for u = {_numbers(u)} and w = {_numbers(w)}{self._other(place)}",
-            "A dissipation potential has to be convex",
+            "Use a convex formula",
         )
 
     def _rows(self) -> tuple[Array, Array]:

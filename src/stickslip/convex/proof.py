@@ -27,7 +27,6 @@ class Proof:
     ----------
     expression : Expr
         Homogeneous of degree 1.
-    directions : Directions
     size : float
         Largest value for max |vᵢ| = 1, about.
 
@@ -109,7 +108,6 @@ def linear_guards(e: Expr, names: tuple[str, ...]) -> list[Expr]:
 
     Parameters
     ----------
-    e : Expr
     names : tuple of str
         Components of v.
     """

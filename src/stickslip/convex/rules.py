@@ -22,12 +22,7 @@ _ROUNDING = 1e-14
 
 
 class ConvexRules:
-    """What the rules say of expressions in some directions.
-
-    Parameters
-    ----------
-    directions : Directions
-    """
+    """What the rules say of expressions in some directions."""
 
     def __init__(self, directions: Directions) -> None:
         self.directions = directions

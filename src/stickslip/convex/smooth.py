@@ -40,7 +40,6 @@ def smooth_dissipation(
 
     Parameters
     ----------
-    value : Expr
     names : tuple of str
         Components of the relative velocity.
     values : mapping of str to float
@@ -86,15 +85,15 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
         if not width.max() < _LARGEST:
             raise DeclarationError(
                 where,
-                f"it is as large as {width.max():.2g}, and its square overflows",
-                f"Give less than {_LARGEST:g}",
+                f"it reaches {width.max():.2g}, and its square overflows",
+                f"Keep it below {_LARGEST:g}",
             )
         k = int(width.argmin())
         if not width[k] > _FLAT * width.max():
             raise DeclarationError(
                 where,
-                f"it vanishes along v = {_numbers(v[:, k])}, both ways",
-                "Leave that direction out",
+                f"it vanishes along v = {_numbers(v[:, k])} in both directions",
+                "Remove this direction from the contact",
             )
 
 
@@ -131,8 +130,8 @@ def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> Non
             where,
             f"its gradient jumps at v = {_numbers(at)}, from {_numbers(here[:, k])} to "
             f"{_numbers(there[:, k])}",
-            "Slip in one direction has one force: use contacts along lines, whose friction "
-            f"adds up, or round the kink off, as sqrt({formula.names[0]}**2 + ...) does",
+            "The force of a slip must be unique: use contacts along lines, or smooth the kink, "
+            f"as sqrt({formula.names[0]}**2 + ...) does",
         )
 
 
@@ -142,12 +141,7 @@ def _numbers(v: Array) -> str:
 
 def evened(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
     """R′ and a diagonal matrix A with R(u) = R′(Au), such that the rate at which a face turns
-    dissipates like a velocity; of two components R itself.
-
-    Parameters
-    ----------
-    formula : ConvexFormula
-    """
+    dissipates like a velocity; of two components R itself."""
     n = formula.dimension
     if n < 3:
         return formula, (ex.ONE,) * n
@@ -178,7 +172,6 @@ class Slope(NamedTuple):
 
     Attributes
     ----------
-    components : tuple of Expr
     pieces : tuple of (Expr, Expr)
         Guards of its pieces: of a velocity, and the same of the direction.
     value : Expr
@@ -198,7 +191,6 @@ def gradient_along(
 
     Parameters
     ----------
-    formula : ConvexFormula
     direction, velocity : sequence of Expr
         By component.
     """

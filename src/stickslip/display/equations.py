@@ -69,8 +69,6 @@ class Leap:
 
     Attributes
     ----------
-    name : str
-    guard : Node
     passes, sign : str
         How the guard passes through zero, in words and as a sign of LaTeX.
     moved : list of Relation
@@ -93,10 +91,6 @@ class Equations:
 
     ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper;
     a notebook shows the equations and the table of parameters.
-
-    Parameters
-    ----------
-    system : System
     """
 
     def __init__(self, system: System) -> None:
@@ -455,7 +449,7 @@ class _Text:
         pairs = self.equations.openings()
         lines = [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
         lines += [f"{when}:  {law}" for when, law in self.equations.adhesions(self.write)]
-        in_turn = ["impacts one after the other"] if self.system.impacts == "in turn" else []
+        in_turn = ["impacts sequentially"] if self.system.impacts == "in turn" else []
         return lines + in_turn
 
     def lines(self) -> list[str]:
@@ -468,14 +462,14 @@ class _Text:
             ("Dissipation potential", self.formula(self.equations.dissipation)),
             ("Equations of motion", self.motion()),
             ("Friction", self.friction()),
-            ("Contacts that can open", self.openings()),
+            ("Unilateral contacts", self.openings()),
             ("Constraints", [self.write(r) for r in self.equations.constraints()]),
             ("Jumps", self.jumps()),
             ("with", self.definitions()),
             ("Outputs", self.outputs()),
             ("Parameters", self.parameters()),
             ("Start", self.start()),
-            ("Shift that changes nothing", self.translation()),
+            ("Translation invariance", self.translation()),
             ("Conditions", self.conditions()),
             ("Facts", self.facts()),
         ]

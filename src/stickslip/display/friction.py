@@ -33,7 +33,6 @@ class Friction:
         Name of the contact.
     index : str
         Index of its force: ``_1``, or nothing if it is the only one.
-    velocity : Node
     thresholds, sliding : pair of Node
         Largest forces and sliding forces for u > 0 and u < 0.
     """
@@ -87,7 +86,6 @@ class PlaneFriction:
     ----------
     contact, index : str
         As in :class:`Friction`.
-    velocity : tuple of Node
     threshold, sliding : Node
         Largest force and sliding force.
     matrix : str

@@ -13,6 +13,7 @@ from stickslip.display.symbols import is_word, symbol_parts, unicode_symbol, uni
 from stickslip.display.tree import NOUGHT, Name
 from stickslip.model.entries.samples import Samples
 from stickslip.model.entries.tables import Table
+from stickslip.model.entries.units import with_unit
 from stickslip.page import Html
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ class _Page:
         yield self.balances()
         yield self.friction()
         if self.system.impacts == "in turn":
-            yield _section("Impacts", ["<mtext>one after the other</mtext>"])
+            yield _section("Impacts", ["<mtext>sequentially</mtext>"])
         yield self.jumps()
         yield self.definitions()
 
@@ -215,6 +216,8 @@ def table_page(table: Table, picture: str) -> str:
         ("between them", table.kind),
         ("outside", " and ".join(dict.fromkeys(table.outside))),
     ]
+    if table.unit:
+        rows.append(("unit of the values", table.unit))
     if table.formulas:
         rows.append(("values that are formulas", ", ".join(table.formulas.values())))
     if source:
@@ -230,7 +233,7 @@ def samples_page(samples: Samples, picture: Html) -> str:
     rows = [
         ("samples", f"{len(samples.times):,}"),
         ("time", f"{samples.span[0]:.9g} to {samples.span[1]:.9g}"),
-        ("values", f"{low:.6g} to {high:.6g}"),
+        ("values", f"{low:.6g} to {with_unit(high, samples.unit, 6)}"),
         ("between them", samples.kind),
         ("period", f"{samples.period:.9g}" if samples.periodic else "none"),
     ]

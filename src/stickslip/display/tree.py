@@ -43,12 +43,7 @@ class Name:
 
 @dataclass(frozen=True)
 class OfModes(Name):
-    """An unknown of a structure, or its rate: a linear form of modes, or of their rates.
-
-    Attributes
-    ----------
-    weights : tuple of (str, Fraction)
-    """
+    """An unknown of a structure, or its rate: a linear form of modes, or of their rates."""
 
     weights: tuple[tuple[str, Fraction], ...]
 
@@ -439,7 +434,7 @@ class Reader:
                 return self._of_modes(f"{name}[{ast.unparse(index)}]")
             case ast.Call(func=ast.Name(id=name), args=nodes):
                 return self._called(name, tuple(map(self._visit, nodes)))
-        raise TypeError(f"not part of the formula language: {type(node).__name__}")
+        raise TypeError(f"not supported in formulas: {type(node).__name__}")
 
     def _named(self, name: str) -> Node:
         """A name, a drive, an abbreviation, or the rate ``d_ell`` of a drive."""

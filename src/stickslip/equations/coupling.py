@@ -85,9 +85,9 @@ def components(
     if most > _MOST_COORDINATES:
         raise DeclarationError(
             "coordinates",
-            f"masses, viscosities and contacts couple {most} of them directly"
-            f" (at most {_MOST_COORDINATES})",
-            "Couple them by springs or by resistances (drag, force)",
+            f"masses, viscosities and contacts couple {most} coordinates directly (at most "
+            f"{_MOST_COORDINATES})",
+            "Couple them by springs, or by resistances (drag, force)",
         )
     return list(found.values())
 
@@ -103,7 +103,6 @@ def together(
 
     Parameters
     ----------
-    parts : sequence of Component
     pairs : iterable of tuple of int
         Components of contacts in a plane, and of faces.
     closed : iterable of int

@@ -72,8 +72,6 @@ class MotionEquations:
         there are, row by row.
     implicit : dict of str to Expr
         By viscous coordinate with a drag, what its rate is the zero of.
-    laws : list of Expr
-    rate : RateProblem
     kinks : list of Expr
         Guards of all functions with kinks, and of jumps; region 1 is guard ≥ 0.
     jumps : list of StateJump

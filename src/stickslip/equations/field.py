@@ -66,7 +66,6 @@ class Guard:
 
     Attributes
     ----------
-    value : Expr
     switch : int
         The engine's number of the switch (``Knots.cause``): kinks first, then contacts.
     to : int
@@ -100,7 +99,6 @@ class Field:
         λ + σs of sliding rate-independent ones. They are invariant under the flow.
     leaps : list of Expr
         Changes of the state in declared jumps.
-    energy : Expr
     planes : list of tuple of int
         Contacts that are the components of one in a plane.
     shared : frozenset of int
@@ -201,7 +199,6 @@ def named_modes(
     contacts : sequence of str
         Names in the engine's order; both components of a contact in a plane have its name, sides
         of constraints none, and contacts that are one theirs, joined.
-    mode : sequence of int
     turned : collection of str
         Which of these slip back where the first slips forward.
     """

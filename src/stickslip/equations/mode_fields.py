@@ -27,7 +27,6 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
 
     Parameters
     ----------
-    equations : MotionEquations
     mode : tuple of int
         By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried
         at its threshold; of one that can open 0 closed, +1 open.
@@ -46,9 +45,9 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
         z = min(equations.implicit)
         raise DeclarationError(
             f"coordinates.{z}.drag",
-            f"the rate of {z} solves an equation, and has no formula",
-            "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
-            f"vector fields give {z} mass",
+            f"the rate of {z} is defined implicitly and has no closed form",
+            "Motions, ensembles and maps can be computed. For equilibria, cycles, branches, vector "
+            f"fields, derivatives and fits add mass to {z}",
         )
     return made_once(
         equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)
@@ -63,11 +62,9 @@ def impact_map(
 
     Parameters
     ----------
-    equations : MotionEquations
     mode : tuple of int
         Of the impact: of a contact that can open 0 if it takes part, else 1; of the friction of one
         that takes part 0 if it sticks, ±1 if it slips with kinetic friction, ±2 with static.
-    region : tuple of int
     settled : frozenset of int
         Contacts that have lost their restitution, because what is left of their bounces takes no
         time.
@@ -274,7 +271,6 @@ class _Solver:
 
         Parameters
         ----------
-        plane : Plane
         struck : list of int
             All contacts that take part.
 
@@ -301,7 +297,7 @@ class _Solver:
         uneven += [response(first, second)]
         uneven += [response(i, k) for i in plane.parts for k in struck if k not in own]
         if not all(map(vanishes, uneven)):
-            raise ZeroDivisionError("the direction after the impact has no formula")
+            raise ZeroDivisionError("the direction after the impact has no closed form")
 
     def impulse(self, i: int, struck: list[int]) -> Expr:
         """Impulse of the friction of contact i, which slips, under normal impulses of what is
@@ -459,7 +455,7 @@ def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
     n = len(right)
     for k in range(n):
         if vanishes(a[k][k]):
-            raise ZeroDivisionError("the rates are not determined in this mode")
+            raise ZeroDivisionError("the rates are indeterminate in this mode")
         for i in range(k + 1, n):
             if a[i][k] is ex.ZERO:
                 continue

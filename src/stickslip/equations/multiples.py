@@ -107,9 +107,9 @@ def _from_first(own: list[DryContact], parameters: frozenset[str]) -> list[DryCo
                 return sorted(found, key=lambda c: c.name != first.name)
     raise DeclarationError(
         f"{entry_key('contacts', own[1].name)}.direction",
-        f"it is that of '{short(own[0].name)}' times a factor, and each of the two vanishes where "
-        "the other does not",
-        "Declare one of them with the direction that both are multiples of",
+        f"it is a multiple of the direction of '{short(own[0].name)}', but each of them vanishes "
+        "where the other does not",
+        "Write both as multiples of one direction that does not vanish",
     )
 
 
@@ -121,9 +121,9 @@ def _restitution(own: list[DryContact], normals: frozenset[str]) -> Expr:
         if c.restitution is not pressed[0].restitution:
             raise DeclarationError(
                 f"{entry_key('contacts', c.name)}.tangential_restitution",
-                f"it rubs along the direction of '{short(pressed[0].name)}', whose friction "
-                "rebounds differently",
-                "Give both the same tangential restitution",
+                f"it has the same direction as '{short(pressed[0].name)}', but another "
+                "tangential restitution",
+                "Use the same tangential restitution for both",
             )
     return pressed[0].restitution if pressed else ex.ZERO
 

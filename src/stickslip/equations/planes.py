@@ -193,18 +193,16 @@ def pressed_planes(d: Declaration, contacts: list[DryContact], planes: list[Plan
             )
             raise DeclarationError(
                 f"contacts.'{name}'",
-                f"it has a dissipation of its own, beside the friction of '{beside}' in a plane "
-                "on the same body",
-                "Let one contact of the body rub in a plane",
+                f"it has a dissipation, and '{beside}' acts in a plane on the same body",
+                "Use a single contact in a plane for this body",
             )
         if bends and (unknown := [contacts[n].name for n in normals if n in shared]):
             raise DeclarationError(
                 f"contacts.'{contacts[plane.parts[0]].name.removesuffix(' 1')}'",
-                f"its friction changes {unknown[0]}, which it depends on, and no law tells how the "
-                "body shares its weight: the normal directions of its contacts depend on each "
-                "other",
-                "Let it stand on three feet, or give the normal forces as formulas of time and "
-                "state",
+                f"its friction depends on {unknown[0]} and also changes it, and the normal "
+                "forces of the body are statically indeterminate",
+                "Support the body on three contacts, or give the normal forces as formulas of "
+                "time and state",
             )
         found.append(plane._replace(bends=bends or plane.formula is not None))
     return found
@@ -221,9 +219,9 @@ def _check_turning(
     if turning and len(closed) > len(part.coordinates):
         raise DeclarationError(
             f"contacts.'{contacts[plane.parts[0]].name.removesuffix(' 1')}'",
-            f"it has a dissipation of its own, and {len(closed)} directions that turn hold "
+            f"it has a dissipation, and {len(closed)} state-dependent contact directions act on "
             f"{len(part.coordinates)} coordinates",
-            "Let as many directions hold a body as it has freedoms",
+            "Use at most as many contact directions as the body has degrees of freedom",
         )
 
 
@@ -269,10 +267,6 @@ def pull_of(
 
     Parameters
     ----------
-    d : Declaration
-    contacts : list of DryContact
-    plane : Plane
-    rate : RateProblem
     force_of : dict of str to Expr
         The force on each viscous coordinate.
 
@@ -297,9 +291,10 @@ def pull_of(
         if others or shared or coupled:
             raise DeclarationError(
                 f"contacts.'{c.name.removesuffix(str(c.plane)).rstrip()}'",
-                f"without mass, it slips along forces, and '{z}' has others that share its rate",
-                "Let each component move one viscous coordinate with a viscosity and no contact of "
-                "its own, or declare the coordinates inertial",
+                "a contact in a plane without mass slips in the direction of the force, but the "
+                f"rate of '{z}' is coupled to others",
+                "Let each component act on one viscous coordinate that is not coupled to "
+                "others, or declare the coordinates inertial",
             )
         damping = d.damping[z, z]
         found.append((force_of[z] / weight - damping * c.speed / weight**2) / axis)
@@ -307,10 +302,10 @@ def pull_of(
     if resistance[0] is not resistance[1] and not _equal(*resistance):
         raise DeclarationError(
             f"contacts.'{own[0].name.removesuffix('1').rstrip()}'",
-            "the viscosity of its components is not the same, so that it does not slip along the "
-            "force",
-            "Give both coordinates the same viscosity (in parts of the squares of axes), or "
-            "declare them inertial",
+            "the viscosities of its components differ, so it does not slip in the direction of "
+            "the force",
+            "Use the same viscosity for both coordinates (relative to the squares of the axes), "
+            "or declare them inertial",
         )
     return tuple(found)
 

@@ -38,8 +38,6 @@ def _degree(
 
     Parameters
     ----------
-    e : Expr
-    known : dict of Expr to int
     names, parameters : frozenset of str
         What is affine, and what is constant.
     waves : set of Expr

@@ -28,8 +28,6 @@ class RateProblem:
         λᵢ = (∂ᵢΦ − forceᵢ)/jᵢ, a function of the state.
     stiffness, rest : matrix and list of Expr
         d/dt λᵢ = Σⱼ stiffnessᵢⱼ ṙⱼ + restᵢ.
-    threshold_slope, threshold_rest : pairs (for u > 0, u < 0) of the same for the thresholds.
-    partial, threshold_partial : matrices of ∂λᵢ/∂rⱼ and (pairs of) ∂sᵢ/∂rⱼ
     """
 
     weight: list[Expr]
@@ -47,7 +45,6 @@ class RateProblem:
 
         Parameters
         ----------
-        plane : Plane
         i, j : int
             Coordinates.
         first : int
@@ -72,7 +69,6 @@ class RateProblem:
 
         Parameters
         ----------
-        plane : Plane
         i : int
             Coordinate.
         speeds : list of Expr
@@ -99,8 +95,6 @@ def rate_problem_of(
 
     Parameters
     ----------
-    d : Declaration
-    contacts : list of DryContact
     slope : dict of str to Expr
         ∂Φ/∂x less the given force, by coordinate.
 
@@ -124,7 +118,7 @@ def rate_problem_of(
             raise DeclarationError(
                 where,
                 "a force on a rate-independent coordinate depends on a velocity",
-                "Let it depend on t, coordinates and internal variables",
+                "Use t, coordinates and internal variables only",
             )
         total = ex.along(e, rates)
         linear = [ex.derivative(total, f"d_{r}") for r in names]
@@ -133,7 +127,7 @@ def rate_problem_of(
             raise DeclarationError(
                 where,
                 "its rate is not linear in the rates of the rate-independent coordinates",
-                "Let internal laws depend on them linearly",
+                "Make the law linear in these rates",
             )
         return linear, ex.substitute(total, {r: ex.ZERO for r in own})
 

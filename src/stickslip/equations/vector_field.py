@@ -37,7 +37,7 @@ class VectorField:
     modes : dict of str to str
         ``"stick"``, ``"slip+"`` or ``"slip-"`` of every contact.
     at : dict of str to float
-        A point of the region, which stands for what later points leave open.
+        A point of the region, which supplies values that later points omit.
     """
 
     system: System
@@ -114,17 +114,17 @@ class VectorField:
 def vector_field(
     system: System, modes: Mapping[str, str] | None = None, *, at: Values | None = None
 ) -> VectorField:
-    """The equations of motion of a system while its contacts keep their modes.
+    """Derive the equations of motion of a system for given modes of its contacts.
 
     Parameters
     ----------
     system : System
     modes : mapping of str to str
-        ``"stick"``, ``"slip+"`` or ``"slip-"`` for every contact, as results of equilibria and
-        motions have them.
+        ``"stick"``, ``"slip+"`` or ``"slip-"`` for every contact, as in results of equilibria and
+        motions.
     at : mapping of str to float, optional
-        Values of ``t``, the state and parameters (else their defaults). Where functions have kinks,
-        it says in which region of them; points are then completed from it.
+        Values of ``t``, the state and parameters (else their defaults). It selects the region of
+        functions with kinks, and supplies values that later points omit.
 
     Returns
     -------
@@ -134,8 +134,8 @@ def vector_field(
     Raises
     ------
     DeclarationError
-        If contacts or modes are unknown or missing, kinks depend on names without a value, or this
-        mode leaves the rates undetermined.
+        If contacts or modes are unknown or missing, kinks depend on names without a value, or the
+        rates are indeterminate in this mode.
 
     Examples
     --------
@@ -152,16 +152,18 @@ def vector_field(
     given = dict(modes or {})
     for name in names:
         if given.get(name) not in _SIGNS:
-            said = f"has no mode '{short(str(given[name]))}'" if name in given else "has no mode"
+            said = (
+                f"has an unknown mode '{short(str(given[name]))}'"
+                if name in given
+                else "has no mode"
+            )
             raise DeclarationError(
                 "modes", f"'{short(name)}' {said}", f"Give one of {', '.join(_SIGNS)}"
             )
     for name in given:
         if name not in names:
             known = ", ".join(names) or "none"
-            raise DeclarationError(
-                "modes", f"there is no contact '{short(name)}'", f"Known: {known}"
-            )
+            raise DeclarationError("modes", f"unknown contact '{short(name)}'", f"Known: {known}")
     point = {**system.values, **(at or {})}
     kinks = [substitute(g, equations.speeds) for g in equations.kinks]
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
@@ -173,16 +175,16 @@ def vector_field(
             back = " and ".join(f"'{short(c.name)}'" for c in own if c.name in turned)
             raise DeclarationError(
                 "modes",
-                f"{said} {'have one gap' if own[0].gap else 'rub along one direction'}"
+                f"{said} {'share one gap' if own[0].gap else 'share one direction'}"
                 + (f", {back} backward" if back else ""),
-                "Give them modes that fit" if back else "Give them one mode",
+                "Give them consistent modes" if back else "Give them the same mode",
             )
     mode = tuple(signs[own[0].name] for own in equations.members)
     try:
         found = mode_field(equations, mode, region)
     except ZeroDivisionError:
         raise DeclarationError(
-            "modes", "the rates are not determined in this mode", "Let fewer contacts stick"
+            "modes", "the rates are indeterminate in this mode", "Choose fewer sticking contacts"
         ) from None
     return VectorField(system, {name: given[name] for name in names}, point, found)
 

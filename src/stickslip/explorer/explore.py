@@ -29,23 +29,23 @@ def explore(
     Parameters
     ----------
     system : System or str, optional
-        A system, a name of the catalogue, a model file, or what stands behind the # of an address
-        of the explorer. By default the page begins with its gallery.
+        A system, a name of the catalogue, a model file, or the part after # of an address of the
+        explorer. By default the page starts with the gallery.
     port : int, optional
-        Where it listens on this machine; by default 5106, or a port that is free.
+        Port to listen on; by default 5106, or a free port.
     browser : bool, optional
-        Whether the page is opened in a browser; by default unless a notebook shows it.
+        Whether to open the page in a browser; by default unless it is shown in a notebook.
 
     Returns
     -------
     Explorer
-        It serves the page beside whatever else this program does, until ``close()`` is called or
-        the program ends; ``wait()`` waits until then. ``address`` is where it is.
+        It serves the page in the background until ``close()`` is called or the program ends;
+        ``wait()`` waits until then. ``address`` is its address.
 
     Raises
     ------
     DeclarationError
-        If there is no such system.
+        If the system is unknown.
     StickslipError
         If bokeh is not installed.
     """
@@ -67,7 +67,6 @@ def listening_explorer(
 
     Parameters
     ----------
-    system : System or str or None
     port : int, optional
     host : str
         The address to listen at.
@@ -89,7 +88,7 @@ def listening_explorer(
         version("bokeh")
     except ImportError:
         raise StickslipError(
-            "the explorer needs bokeh. Install it with: pip install 'stickslip[explorer]'"
+            "the explorer requires bokeh. Install it with: pip install 'stickslip[explorer]'"
         ) from None
     given, start = _start(system)
     place = Listening(host, port, names, given, start, most_pages)

@@ -27,44 +27,43 @@ def export(
     seconds: float = 1.0,
     inputs: Sequence[str] | None = None,
 ) -> None:
-    """Write a result for other programs: its table, or a quantity of a motion as sound; or a
-    system, which other programs then move.
+    """Export a result for other programs: its table, or a quantity of a motion as sound; or a
+    system for simulation by other programs.
 
-    Tables hold numbers that are read back exactly, and words for what stands for a word, such as
-    modes and outcomes.
+    Numbers in tables can be read back exactly; coded values, such as modes and outcomes, are
+    written as words.
 
     Parameters
     ----------
     result : Result or System
         Any result, such as a motion, a cycle, a map or a frequency response.
     path : str or path
-        Of a result a file that ends in ``.csv``, in ``.parquet`` (title, units and version are in
-        its metadata) or in ``.wav`` (16 bits, without the mean, as loud as the file can hold). Of a
-        system one that ends in ``.fmu`` (FMI 2 for co-simulation: a
-        :class:`stickslip.Stepper` behind the interface of other simulators) or in ``.py``
-        (right-hand side and events as functions of NumPy, for other integrators).
+        For a result, a file with the suffix ``.csv``, ``.parquet`` (title, units and version are in
+        its metadata) or ``.wav`` (16 bits, without the mean, normalised). For a system, a file with
+        the suffix ``.fmu`` (FMI 2 for co-simulation: a :class:`stickslip.Stepper` behind the
+        interface of other simulators) or in ``.py`` (right-hand side and events as functions of
+        NumPy, for other integrators).
     *quantities : str
-        Columns beside those of the coordinates, or outputs of an FMU, by default all; or what is
-        heard.
+        Additional columns, or outputs of an FMU, by default all; or the quantity of a sound.
     step : float, optional
         Time between rows of a motion or a cycle; by default the times of its dataset, which are
         denser at switches.
     units : bool
-        Whether the names of the columns of a CSV file have their units, as in ``x [m]``.
+        Whether column names of a CSV file include units, as in ``x [m]``.
     rate : int
-        Samples a second of a sound. Jumps have frequencies above half of it, which are heard as
-        lower ones.
+        Samples per second of a sound. Jumps have frequencies above half of this rate, which alias
+        to lower ones.
     seconds : float
-        How long a unit of time sounds.
+        Duration in seconds of a unit of time in a sound.
     inputs : sequence of str, optional
         Parameters and drives that are inputs of an FMU, held during its steps; by default all
-        drives but those whose rates are used. Drives that are none run as they are declared.
+        drives except those whose rates are used. Other drives are as declared.
 
     Raises
     ------
     DeclarationError
-        If a quantity is unknown, the ending of the file is another, a step or a sound is asked of
-        what is neither a motion nor a cycle, an input cannot be one, or a system has no such form.
+        If a quantity is unknown, the file format is not supported, a step or a sound is requested
+        for a result other than a motion or a cycle, or an input or system is not supported.
     StickslipError
         If the file cannot be written, or a package is missing; an existing file is replaced only by
         a complete one.
@@ -88,14 +87,14 @@ def export(
         case ".wav":
             motion = motion_in(result, "result")
             if len(quantities) != 1:
-                reason = f"a sound is of one, not of {len(quantities)}"
-                raise DeclarationError("quantities", reason, "Name one, like 'x'")
+                reason = f"a sound is made of one quantity, but {len(quantities)} were given"
+                raise DeclarationError("quantities", reason, "Give one, like 'x'")
             write_wav(sound_of(motion, quantities[0], rate, seconds), rate, path)
         case ".fmu" | ".py":
-            reason = f"'{ending}' is written of a system, and this is {named(result.KIND)}"
+            reason = f"'{ending}' is the format of a system, but this is {named(result.KIND)}"
             raise DeclarationError("path", reason, "Export the system")
         case _:
-            reason = f"'{short(ending)}' is not the ending of a file that can be written"
+            reason = f"unknown file format '{short(ending)}'"
             raise DeclarationError("path", reason, "Use .csv, .parquet or .wav")
 
 
@@ -110,13 +109,13 @@ def _export_system(
         case ".fmu":
             write_fmu(system, path, inputs, quantities)
         case ".py" if quantities or inputs:
-            reason = "a file of Python has all of the state, and drives as they are declared"
-            raise DeclarationError("quantities" if quantities else "inputs", reason, "Leave it out")
+            reason = "a Python file always has the complete state and the declared drives"
+            raise DeclarationError("quantities" if quantities else "inputs", reason, "Remove it")
         case ".py":
             write_numpy(system, path)
         case ".csv" | ".parquet" | ".wav":
-            reason = f"'{ending}' is written of a result, and this is a system"
+            reason = f"'{ending}' is the format of a result, but this is a system"
             raise DeclarationError("path", reason, "Simulate it first, or use .fmu or .py")
         case _:
-            reason = f"'{short(ending)}' is not the ending of a file that can be written"
+            reason = f"unknown file format '{short(ending)}'"
             raise DeclarationError("path", reason, "Use .fmu or .py")

@@ -41,8 +41,6 @@ def write_fmu(
 
     Parameters
     ----------
-    system : System
-    path : str or path
     inputs : sequence of str, optional
         Parameters and drives; by default all drives that can be held.
     outputs : sequence of str

@@ -36,8 +36,6 @@ class FmuVariable:
 
     Attributes
     ----------
-    name : str
-    role : str
     value : float
         Before it is set; of outputs 0.
     unit, meaning : str
@@ -61,7 +59,6 @@ class FmuModel:
 
     Attributes
     ----------
-    system : System
     variables : tuple of FmuVariable
         In the order of their value references.
     version : str
@@ -109,7 +106,7 @@ class FmuModel:
             variables = tuple(FmuVariable(**v) for v in parts["variables"])
             return cls(system_file.loads(parts["model"]), variables, parts["stickslip"])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StickslipError(f"{path}: this is no model of an FMU ({error})") from error
+            raise StickslipError(f"{path}: not the model of an FMU ({error})") from error
 
 
 def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[str]) -> FmuModel:
@@ -117,7 +114,6 @@ def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[st
 
     Parameters
     ----------
-    system : System
     inputs : sequence of str, optional
         Parameters and drives; by default all drives that can be held.
     outputs : sequence of str
@@ -177,10 +173,10 @@ def _check_holdable(system: System, name: str) -> None:
         return
     if name not in system.drives:
         known = suggestion(str(name), [*system.parameters, *system.drives])
-        reason = f"'{short(str(name))}' is neither a parameter nor a drive"
+        reason = f"'{short(str(name))}' is not a parameter or a drive"
         raise DeclarationError("inputs", reason, known)
-    remedy = "Leave it as it is declared, and name a parameter that it depends on"
-    reason = f"the rate of '{name}' is used, and a value that is held during a step has none"
+    remedy = "Keep it as declared, and use a parameter that it depends on"
+    reason = f"the rate of '{name}' is used, but an input that is held during a step has no rate"
     try:
         held = with_inputs(system, {name: 0.0}, False, 0.0).declaration
     except DeclarationError:
@@ -238,7 +234,7 @@ def _outputs(motion: Trajectory, names: Sequence[str]) -> list[FmuVariable]:
     for name in names:
         if name not in shown:
             raise DeclarationError(
-                "quantities", f"there is no output '{short(str(name))}'", suggestion(name, shown)
+                "quantities", f"unknown output '{short(str(name))}'", suggestion(name, shown)
             )
     found: list[FmuVariable] = []
     for name in dict.fromkeys(names or shown):

@@ -161,8 +161,8 @@ class SystemFmu(Fmi2Slave):
     def _only_before(self, name: str, changed: bool) -> None:
         """Refuse all further steps if a parameter changes while the motion goes on."""
         if changed and self._phase != "before":
-            reason = "it is fixed once the initialization has ended"
-            remedy = "Set it before, or export it as an input"
+            reason = "it cannot be set after the initialization"
+            remedy = "Set it earlier, or export it as an input"
             self._refuse(DeclarationError(name, reason, remedy))
 
     def _refuse(self, error: StickslipError) -> None:
@@ -263,19 +263,19 @@ class SystemFmu(Fmi2Slave):
     def _move(self, begin: float, size: float) -> None:
         stepper = self._ready()
         if self._phase != "running" or stepper is None or self._fault is not None:
-            before = "its initialization has not ended"
-            after = "it was terminated"
+            before = "the initialization has not ended"
+            after = "the FMU was terminated"
             raise self._fault or DeclarationError(
                 "step", before if self._phase == "before" else after, "Reset the FMU"
             )
         now = stepper.time
         if not 0.0 < size < math.inf or begin + size <= now:
             reason = f"from {begin:.9g} by {size:.9g}, while the FMU is at {now:.9g}"
-            remedy = "An FMU is not stepped backwards: restore a state that was saved, or reset it"
+            remedy = "An FMU cannot step backwards; restore a saved state, or reset it"
             raise DeclarationError("step", reason, remedy)
         if not abs(begin - now) <= _ROUNDING * max(abs(now), size):
-            reason = f"it begins at {begin:.9g}, while the FMU is at {now:.9g}"
-            raise DeclarationError("step", reason, "Go on from there, or restore a saved state")
+            reason = f"the step begins at {begin:.9g}, but the FMU is at {now:.9g}"
+            raise DeclarationError("step", reason, "Continue from there, or restore a saved state")
         end = begin + size
         stepper.system.declaration.check_span(now, end)
         saved = stepper.save()

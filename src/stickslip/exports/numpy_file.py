@@ -52,11 +52,6 @@ _OWN = frozenset(
 def write_numpy(system: System, path: str | Path) -> None:
     """Write the right-hand side and the events of a system as a file of Python.
 
-    Parameters
-    ----------
-    system : System
-    path : str or path
-
     Raises
     ------
     DeclarationError
@@ -124,7 +119,7 @@ def _check(system: System) -> None:
 
     def refuse(where: str, reason: str) -> None:
         raise DeclarationError(
-            where, f"{reason}: a file of NumPy cannot hold it", "Export an FMU, which can"
+            where, f"{reason}, which a NumPy file does not support", "Export an FMU instead"
         )
 
     for name in d.rate_independent:
@@ -135,11 +130,11 @@ def _check(system: System) -> None:
         label = short(c.side_of or c.on or c.name.removeprefix(NORMAL))
         if c.plane:
             label = label.removesuffix(f" {c.plane}")
-            refuse(f"contacts.{label}", "it rubs in a plane")
+            refuse(f"contacts.{label}", "it is a contact in a plane")
         if c.opens or c.on or c.side_of:
             refuse(f"contacts.{label}", "it has a gap or holds a constraint")
         if c.prescribed:
-            refuse(f"contacts.{label}", "both of its sides move as given")
+            refuse(f"contacts.{label}", "the motion of both of its sides is prescribed")
     for name in system.jumps:
         refuse(f"jumps.{name}", "it is a jump of the state")
     for name, entry in system.internal.items():
@@ -186,8 +181,8 @@ class _Writer:
         """
         for name in sorted(e.symbols - self.symbols.keys()):
             what = "a normal force or a rate" if ":" in name else f"'{short(name)}'"
-            reason = f"a formula depends on {what}, which is no function of the state"
-            raise DeclarationError("system", reason, "Export an FMU, which knows it")
+            reason = f"a formula depends on {what}, which is not a function of the state"
+            raise DeclarationError("system", reason, "Export an FMU instead")
         found = ex.to_text(ex.substitute(e, self.symbols), _LONGEST)
         if "..." in found:
             raise DeclarationError("system", "a formula is too long to be written", "Export an FMU")
@@ -222,7 +217,7 @@ class _Writer:
                 found.append(f"from {module} import {function}")
                 found[-1] += f" as {name}" if function != name else ""
             elif name not in (*_OPERATIONS, *_BUILT_IN):
-                raise DeclarationError("system", f"'{short(name)}' has no form in NumPy")
+                raise DeclarationError("system", f"'{short(name)}' is not available in NumPy")
         return found
 
     def operations(self) -> list[str]:

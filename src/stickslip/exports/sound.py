@@ -25,12 +25,16 @@ def sound_of(motion: Trajectory, quantity: str, rate: int, seconds: float) -> Ar
         If the quantity is unknown, or a number is not positive.
     """
     if not 1 <= rate <= _HIGHEST_RATE:
-        raise DeclarationError("rate", f"it is {rate}", f"Give 1 to {_HIGHEST_RATE} samples")
+        raise DeclarationError(
+            "rate", f"{rate} is out of range", f"Give 1 to {_HIGHEST_RATE} samples"
+        )
     if not 0.0 < seconds < np.inf:
-        raise DeclarationError("seconds", f"it is {seconds:g}", "Give a positive number")
+        raise DeclarationError(
+            "seconds", f"{seconds:g} is not a positive number", "Give a positive number"
+        )
     known = [str(name) for name in motion.dataset.data_vars]
     if quantity not in known:
-        reason = f"it has no '{short(quantity)}'"
+        reason = f"unknown quantity '{short(quantity)}'"
         raise DeclarationError(motion.KIND, reason, suggestion(quantity, known))
     return motion.at(even_times(motion, 1.0 / (rate * seconds), "rate"))[quantity]
 
@@ -50,6 +54,6 @@ def write_wav(values: Array, rate: int, path: str | Path) -> None:
     swing = values - np.mean(values)
     loudest = float(np.max(np.abs(swing)))
     if not loudest > 1e-12 * float(np.max(np.abs(values))):
-        raise DeclarationError("quantity", "it does not vary, so that nothing would be heard")
+        raise DeclarationError("quantity", "the quantity is constant, so the sound would be silent")
     sound = np.round(swing * (_LOUDEST * _FULL_SCALE / loudest)).astype(np.int16)
     write_file(path, lambda place: wavfile.write(place, rate, sound))

@@ -31,7 +31,6 @@ def exported_table(
 
     Parameters
     ----------
-    result : Result
     quantities : sequence of str
         Columns beside those of the coordinates; all if there are none.
     step : float, optional
@@ -82,7 +81,7 @@ def motion_in(result: Result, key: str) -> Trajectory:
         return result
     if isinstance(result, Cycle):
         return result.trajectory
-    raise DeclarationError(key, f"this is {storage.named(result.KIND)}, which is not a motion")
+    raise DeclarationError(key, f"the result is {storage.named(result.KIND)}, not a motion")
 
 
 def even_times(motion: Trajectory, step: float, key: str = "step") -> Array:
@@ -95,11 +94,13 @@ def even_times(motion: Trajectory, step: float, key: str = "step") -> Array:
     """
     first, last = float(motion.knots.time[0]), float(motion.knots.time[-1])
     if not 0.0 < step < np.inf:
-        raise DeclarationError(key, f"it is {step:g}", "Give a positive number")
+        raise DeclarationError(key, f"{step:g} is not a positive number", "Give a positive number")
     count = np.floor((last - first) / step * (1.0 + 1e-12)) + 1.0
     if count > _MOST_ROWS:
         raise DeclarationError(
-            key, f"this makes {count:.3g} rows (at most {_MOST_ROWS:,})", "Take a larger step"
+            key,
+            f"the table would have {count:.3g} rows (at most {_MOST_ROWS:,})",
+            "Use a larger step",
         )
     return np.minimum(first + step * np.arange(int(count)), last)
 
@@ -123,7 +124,7 @@ def _chosen(
         own = [name] if name in own else own
         if not own:
             raise DeclarationError(
-                result.KIND, f"it has no '{short(name)}'", suggestion(name, columns)
+                result.KIND, f"unknown quantity '{short(name)}'", suggestion(name, columns)
             )
         found += [c for c in own if c not in (*first, *found)]
     return [*first, *found]
@@ -142,8 +143,6 @@ def write_csv(table: pandas.DataFrame, path: str | Path, units: bool) -> None:
 
     Parameters
     ----------
-    table : pandas.DataFrame
-    path : str or path
     units : bool
         Whether the names of the columns have their units, as in ``x [m]``.
 

@@ -46,7 +46,6 @@ def plot_backbone(
 
     Parameters
     ----------
-    found : Backbone
     names : sequence of str, optional
         Variables of the points; by default ``frequency``, and ``damping`` below.
     ax : matplotlib.axes.Axes, optional
@@ -61,7 +60,9 @@ def plot_backbone(
     for name in names or ():
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     shown = list(names or ("frequency", "damping"))
     if ax is not None:

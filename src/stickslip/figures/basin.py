@@ -11,8 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
-from stickslip.figures.drawing.cells import UNCERTAIN, cell_edges, hatch_cells, hatched_patch
+from stickslip.figures.drawing.cells import (
+    HATCHES,
+    REGIMES,
+    UNCERTAIN,
+    cell_edges,
+    hatch_cells,
+    hatched_patch,
+)
 from stickslip.figures.drawing.style import (
+    LINES,
     STICK_SHADE,
     axis_label,
     legend_above,
@@ -22,17 +30,24 @@ from stickslip.figures.drawing.style import (
     root_of,
 )
 from stickslip.model.entries.units import with_unit
+from stickslip.motion.outcome import Outcome
+from stickslip.sweeps.basin import ON_ITS_WAY, ON_NONE, PARTING, SLOWLY
 
 if TYPE_CHECKING:
     import xarray
 
 _OPAQUE = 0.7  # large areas in full colour would shout
-_NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("stopped", "#777777")}
+_UNSETTLED = {
+    ON_ITS_WAY: Outcome.NOT_SETTLED,
+    PARTING: Outcome.IRREGULAR,
+    SLOWLY: Outcome.SLOW,
+}  # coloured and hatched as in maps
+_OTHERS = {"undamped": "#D8D2C8", "stopped": "#777777", "not computed": "#FFFFFF"}
 
 
 def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
     """Which attractor each initial state reaches; the legend names its speed or period. Hatched:
-    not certified.
+    not certified, or, as in maps, not settled.
 
     Parameters
     ----------
@@ -41,19 +56,13 @@ def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     DeclarationError
         If not two states vary.
     """
     if basin["attractor"].ndim != 2:
-        raise DeclarationError(
-            "over", f"{basin['attractor'].ndim} states vary", "A picture needs two"
-        )
+        raise DeclarationError("over", f"{basin['attractor'].ndim} states vary", "Select two")
     if ax is not None:
         legend_above(ax, _draw(ax, basin))
         return root_of(ax)
@@ -68,22 +77,29 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
     """The section in colours; what they stand for."""
     labels = basin["attractor"]
     across, up = map(str, labels.dims)
-    colours = [colour for _, colour in _NOWHERE.values()] + _colours(basin)
+    first = min(ON_NONE)
+    colours = [_colour_of(code) for code in range(first, 0)] + _colours(basin)
     edges = cell_edges(basin[across].values), cell_edges(basin[up].values)
     axes.pcolormesh(
         *edges,
         labels.values.T,
         cmap=ListedColormap(colours),
-        norm=BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours)),
+        norm=BoundaryNorm(np.arange(first - 0.5, len(colours) + first), len(colours)),
         alpha=_OPAQUE,
         rasterized=True,
     )
     axes.set_xlabel(axis_label([across], str(basin[across].attrs.get("units", ""))))
     axes.set_ylabel(axis_label([up], str(basin[up].attrs.get("units", ""))))
-    handles = [
-        Patch(fc=(colours[code + 3], _OPAQUE), ec="#444444", lw=0.6, label=_name(basin, code))
-        for code in np.unique(labels.values)
-    ]
+    handles = list[Patch]()
+    for code in np.unique(labels.values).tolist():
+        colour = colours[code - first], _OPAQUE
+        if code in _UNSETTLED:
+            hatch = HATCHES[_UNSETTLED[code]]
+            hatch_cells(axes, edges, labels.values == code, hatch)
+            handles.append(hatched_patch(hatch, _name(basin, code), colour))
+            continue
+        patch = Patch(fc=colour, ec="#444444", lw=0.6, label=_name(basin, code))
+        handles.append(patch)
     bad = _uncertified(basin)
     if np.any(bad):
         hatch_cells(axes, edges, bad, UNCERTAIN)
@@ -91,24 +107,34 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
     return handles
 
 
+def _colour_of(code: int) -> str:
+    """Of motions that are on no attractor."""
+    return REGIMES[_UNSETTLED[code]] if code in _UNSETTLED else _OTHERS[ON_NONE[code]]
+
+
 def _colours(basin: xarray.Dataset) -> list[str]:
-    """Rest is grey; what moves has the colours of lines, the most often reached first."""
+    """Rest is grey; what moves has the colours of lines, the most often reached first, but for
+    those of what has not settled."""
     kinds = [str(kind) for kind in basin["kind"].values]
-    moving = iter(line_colours(max(sum(kind != "rest" for kind in kinds), 1)))
+    taken = {_colour_of(c) for c in _UNSETTLED if np.any(basin["attractor"].values == c)}
+    count = max(sum(kind != "rest" for kind in kinds), 1)
+    free = [colour for colour in LINES if colour not in taken]
+    moving = iter(free if count <= len(free) else line_colours(count))
     return [STICK_SHADE if kind == "rest" else next(moving) for kind in kinds]
 
 
 def _uncertified(basin: xarray.Dataset) -> np.ndarray:
     """States that reach an attractor, but not for certain."""
     labels = basin["attractor"].values
-    table = np.append(basin["certified"].values, True)
+    table = np.append(basin["certified"].values.astype(bool), True)
     return (labels >= 0) & ((basin["lacking"].values > 0) | ~table[np.maximum(labels, -1)])
 
 
 def _name(basin: xarray.Dataset, code: int) -> str:
     """What a colour stands for."""
     if code < 0:
-        return _NOWHERE[code][0]
+        said = ON_NONE[code]
+        return f"not settled: {said}" if code in _UNSETTLED else said
     one = basin.isel(reached=code)
     kind = str(one["reached"].values).replace("_", " ")
     period = float(one["period"])

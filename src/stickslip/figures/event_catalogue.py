@@ -39,7 +39,6 @@ def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    catalogue : EventCatalogue
     ax : matplotlib.axes.Axes, optional
         Draw how many events are at least as large into these axes.
     """
@@ -88,7 +87,7 @@ def _sum(axes: Axes, catalogue: EventCatalogue) -> None:
     axes.set_xlim(first, last)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(_label(catalogue, "start"))
-    axes.set_ylabel(_label(catalogue, "size").replace("sum of the slips", "slips, added up"))
+    axes.set_ylabel(_label(catalogue, "size").replace("total slip", "cumulative slip"))
 
 
 def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
@@ -102,7 +101,7 @@ def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
     axes.set_xlim(*_decades(size))
     axes.set_ylim(*_decades(after))
     axes.set_xlabel(_label(catalogue, "size"))
-    said = _label(catalogue, "interevent").replace("between events", "to the\nnext event")
+    said = _label(catalogue, "interevent").replace("between events", "to next\nevent")
     axes.set_ylabel(said, fontsize=11.0)
     if len(catalogue) > 2:
         said = f"coefficient of variation {catalogue.recurrence()[1]:.2g}"

@@ -38,16 +38,7 @@ _WIDTH = 7.2  # inches
 
 def plot_history(history: History) -> Figure:
     """Components over time, grey where they stick (a map of all of them if there are more than
-    four), and energies.
-
-    Parameters
-    ----------
-    history : History
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    four), and energies."""
     t, z = history.times, history.z
     n = z.shape[1]
     with paper_style():
@@ -131,13 +122,8 @@ def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    study : AveragingStudy
     ax : matplotlib.axes.Axes, optional
         Draw the distances into these axes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if ax is not None:
         _motions(ax, study.dataset)

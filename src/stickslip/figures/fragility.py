@@ -34,7 +34,6 @@ def plot_fragility(found: Fragility, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    found : Fragility
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
 
@@ -45,10 +44,8 @@ def plot_fragility(found: Fragility, ax: Axes | None = None) -> Figure:
     """
     levels = list(found.levels(symbol))
     if len(levels) > _MOST:
-        reason = f"there are {len(levels)} curves, which nobody tells apart"
-        raise DeclarationError(
-            "plot", reason, f"Sweep over at most {_MOST} values, or use .dataset"
-        )
+        reason = f"{len(levels)} curves are too many to distinguish"
+        raise DeclarationError("plot", reason, f"Use at most {_MOST} values, or .dataset")
     if ax is not None:
         _draw(ax, found, levels)
         return root_of(ax)
@@ -79,7 +76,7 @@ def _draw(axes: Axes, found: Fragility, levels: list[tuple[str, xarray.Dataset]]
         axes.plot(fine, curve, color=colour)
     axes.set_ylim(-0.03, 1.03)
     axes.set_xlabel(axis_text(data, [along]))
-    axes.set_ylabel("share of records beyond the limit")
+    axes.set_ylabel("fraction of records above the limit")
     if len(levels) > 1:
         legend_above(axes)
 

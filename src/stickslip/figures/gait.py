@@ -42,15 +42,9 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
         Of a system with contacts.
     periods : int
         Number of periods shown.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if not cycle.contacts:
-        raise DeclarationError(
-            "cycle", "its system has no contacts", "A gait diagram shows contacts"
-        )
+        raise DeclarationError("cycle", "the system has no contacts", "Use another figure")
     moving = [name for name in cycle.direction if cycle.drift] or list(
         cycle.system.declaration.coordinates
     )

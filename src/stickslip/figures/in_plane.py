@@ -30,11 +30,11 @@ def in_plane(motion: Trajectory, contact: str = "") -> InPlane:
         raise DeclarationError(
             "contacts",
             f"{motion.system.name} has no contact in a plane",
-            "Give one two directions, like direction = ['d_x', 'd_y']",
+            "Declare a contact with two directions, like direction = ['d_x', 'd_y']",
         )
     if contact and contact not in planes:
         raise DeclarationError(
-            "contact", f"there is no contact '{contact}' in a plane", suggestion(contact, [*planes])
+            "contact", f"unknown contact in a plane '{contact}'", suggestion(contact, [*planes])
         )
     return InPlane(motion, contact or next(iter(planes)))
 
@@ -66,8 +66,8 @@ def path_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
     if plane.directions is None:
         raise DeclarationError(
             "contact",
-            f"the directions of '{plane.name}' change on the way, or there are none: no path",
-            "Plot coordinates, or its force",
+            f"the directions of '{plane.name}' vary or are zero, so it has no path",
+            "Plot coordinates or the force instead",
         )
     with paper_style():
         _collected(plane).draw_path(axes, plane)

@@ -39,13 +39,8 @@ def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Fig
 
     Parameters
     ----------
-    law : FrictionLaw
     values : mapping of str to float, optional
         Its parameters; by default those of its example.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     with paper_style():
         figure = new_figure(8.4, 3.8)
@@ -80,8 +75,6 @@ def loop(
 
     Parameters
     ----------
-    law : FrictionLaw
-    amplitude, omega : float
     values : mapping of str to float, optional
         The law's parameters; by default those of its example.
 

@@ -76,16 +76,11 @@ def plot_trajectory(
 
     Parameters
     ----------
-    trajectory : Trajectory
     t : (float, float), optional
         Window of the time.
     coordinates : sequence of str, optional
         Those that are shown, with their rates and with the contacts that move them; internal
         variables, and outputs. By default all.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -151,7 +146,7 @@ class _Overview:
         for name in coordinates or ():
             if name not in known:
                 raise DeclarationError(
-                    "coordinates", f"there is no '{short(str(name))}'", suggestion(name, known)
+                    "coordinates", f"unknown quantity '{short(str(name))}'", suggestion(name, known)
                 )
         return set(known if coordinates is None else coordinates)
 

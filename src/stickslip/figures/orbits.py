@@ -63,7 +63,6 @@ def plot_branch(
 
     Parameters
     ----------
-    branch : Branch
     names : list of str, optional
         What is drawn over the parameter; by default the coordinates and internal variables that
         change, and the speed of gaits, at most three; the mean friction of what is pulled along.
@@ -72,10 +71,6 @@ def plot_branch(
         equilibria.
     ax : matplotlib.axes.Axes, optional
         Draw the first of the names into these axes.
-
-    A curve in two parameters is drawn in their plane, together with others there: of Hopf points
-    those at which a stable cycle is born are solid, the others dashed. The side on which the
-    equilibrium is stable is shaded.
 
     Raises
     ------
@@ -129,7 +124,9 @@ def _known(branch: Branch, names: list[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     return names
 
@@ -140,7 +137,9 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
     for curve in curves:
         if not all(name in curve.points for name in names):
             raise DeclarationError(
-                "others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}"
+                "others",
+                f"the curve is over {curve.parameter}",
+                f"Give curves over {', '.join(names)}",
             )
     handles = list[Artist]()
     markers = _markers(curves)

@@ -75,10 +75,6 @@ def plot_phase_portrait(
     span : float, optional
         How long they are followed; by default a tenth of the declared span.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     DeclarationError
@@ -103,12 +99,14 @@ class _Portrait:
         if len(state) != 2 or self.equations.timed:
             raise DeclarationError(
                 system.name,
-                "it has no phase plane",
-                "Two states and no dependence on time make one",
+                "the system has no phase plane",
+                "Use a system with two states that does not depend on time",
             )
         if sorted(over) != sorted(state):
             raise DeclarationError(
-                "over", f"needs ranges of {', '.join(state)}", "Give {name: (low, high)} for both"
+                "over",
+                f"the ranges of {', '.join(state)} are missing",
+                "Give {name: (low, high)} for both",
             )
         (self.across, x), (self.up, y) = over.items()
         self.x, self.y = (np.linspace(float(low), float(high), _GRID) for low, high in (x, y))

@@ -38,13 +38,8 @@ def plot_play(play: Play, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    play : Play
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if ax is not None:
         _draw(ax, play, "z", "stable region")

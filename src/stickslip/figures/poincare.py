@@ -31,17 +31,12 @@ def plot_return_map(
     ----------
     maps : mapping of str to function
         By the text of the legend; at most six.
-    interval : (float, float)
     start : float, optional
         Where the cobweb starts.
     steps : int
         Of the cobweb; it ends earlier when it stands still or leaves the interval.
     symbol, name : str
         Of the variable and of the map, in mathtext.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     x = np.linspace(*interval, _SAMPLES)
     with paper_style():

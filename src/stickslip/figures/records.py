@@ -101,7 +101,9 @@ def _levels(data: xarray.Dataset, along: str | None) -> list[tuple[str, dict[str
     places = list(product(*(range(data.sizes[d]) for d in others)))
     if len(places) > _MOST:
         count = f"{len(places)} values of {', '.join(others)}"
-        raise DeclarationError("plot", f"{count} are too many for lines", "Choose: data.sel(mu=1)")
+        raise DeclarationError(
+            "plot", f"{count} are too many for lines", "Select some: data.sel(mu=1)"
+        )
     found: list[tuple[str, dict[str, int]]] = []
     for place in places:
         where = dict(zip(others, place, strict=True))

@@ -67,7 +67,6 @@ def plot_response(
 
     Parameters
     ----------
-    response : FrequencyResponse
     names : sequence of str, optional
         Variables of the points; by default ``amplitude``, and ``phase`` below.
     ax : matplotlib.axes.Axes, optional
@@ -82,7 +81,9 @@ def plot_response(
     for name in names or ():
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     shown = list(names or ("amplitude", "phase"))
     if ax is not None:
@@ -90,6 +91,7 @@ def plot_response(
         _label_frequency(ax, response)
         if handles := _handles(response, shown[:1]):
             legend_above(ax, handles)
+        _name_lines(ax, response, shown[0])
         return root_of(ax)
     heights = [_LOW if name in ("phase", "stick") else _TALL for name in shown]
     with paper_style():
@@ -102,13 +104,16 @@ def plot_response(
             legend_above(panels[0, 0], handles)
         powers_in_labels(figure)
         figure.align_ylabels(panels[:, 0])
+        # Names keep their distance in points, so the layout has to stand.
+        for axes, name in zip(panels[:, 0], shown, strict=True):
+            _name_lines(axes, response, name)
     return figure
 
 
 def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
     """One quantity over the frequency."""
     data, x = response.dataset, response.parameter
-    colours = dict(zip(response.levels.tolist(), level_colours(len(response.levels)), strict=True))
+    colours = _colours(response)
     for number in np.unique(data["line"].values) if data.sizes["point"] else ():
         line = response.line(int(number))
         level = float(line[response.level][0]) if response.level else float(response.levels[0])
@@ -128,8 +133,15 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
         style = _FOLD if point.kind == "fold" else _CHANGE
         axes.plot(point.value, here, linestyle="none", zorder=3, **style)
     _scale(axes, response, name)
-    if f"backbone_{name}" in data:
-        _name_lines(axes, response, name, list(colours.values()))
+    if response.level and f"backbone_{name}" in data:
+        # room for the names of lines
+        axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
+
+
+def _colours(response: FrequencyResponse) -> dict[float, str]:
+    """The colour of each level."""
+    levels = response.levels.tolist()
+    return dict(zip(levels, level_colours(len(levels)), strict=True))
 
 
 def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) -> None:
@@ -144,19 +156,18 @@ def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) ->
         axes.plot(curve[0][part], curve[1][part], color=colour, linestyle=style, lw=width)
 
 
-def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Sequence[str]) -> None:
+def _name_lines(axes: Axes, response: FrequencyResponse, name: str) -> None:
     """The level of each line at its largest response, where it hits no line and no other label."""
-    if not response.level:
-        return
     data = response.dataset
-    axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
+    if not response.level or f"backbone_{name}" not in data:
+        return
     root_of(axes).draw_without_rendering()
     drawn = np.concatenate([_pixels(axes, line) for line in axes.get_lines()])
     points = root_of(axes).dpi / 72.0
     frame = axes.get_window_extent()
     unit = response.system.parameters[response.level].unit
     peaks = zip(data[f"peak_{response.parameter}"], data[f"peak_{name}"], strict=True)
-    for level, (x, y), colour in zip(response.levels, peaks, colours, strict=True):
+    for (level, colour), (x, y) in zip(_colours(response).items(), peaks, strict=True):
         if not np.isfinite(y):
             continue
         text = f"{symbol(response.level)} = {with_unit(float(level), unit, 4)}"

@@ -41,7 +41,6 @@ def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    ring_down : RingDown
     ax : matplotlib.axes.Axes, optional
         Draw the motion into these axes.
     """

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.figures.drawing.style import BLUE, VERMILION, new_figure, paper_style, root_of
+from stickslip.model.entries.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.model.entries.samples import Samples
@@ -25,12 +26,7 @@ def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    samples : Samples
     ax : matplotlib.axes.Axes, optional
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     with paper_style():
         ax = new_figure(6.4, 2.8).add_subplot() if ax is None else ax
@@ -47,7 +43,7 @@ def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
             ax.plot(times, values, "o", color=VERMILION, markersize=3.5)
         source = samples.source
         ax.set_xlabel(source.get("time", "time"))
-        ax.set_ylabel(source.get("value", "value"))
+        ax.set_ylabel(_value_label(samples))
         ax.margins(x=0.01)
         return root_of(ax)
 
@@ -57,12 +53,7 @@ def plot_table(table: Table, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    table : Table
     ax : matplotlib.axes.Axes, optional
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     source = table.source
     names = source.get("of", ["x", "y"] if len(table.axes) > 1 else "x")
@@ -84,8 +75,15 @@ def plot_table(table: Table, ax: Axes | None = None) -> Figure:
         if len(points) <= _DOTTED:
             ax.plot(points, table.values, "o", color=VERMILION, markersize=3.5)
         ax.set_xlabel(names)
-        ax.set_ylabel(source.get("value", "value"))
+        ax.set_ylabel(_value_label(table))
         return root_of(ax)
+
+
+def _value_label(measured: Samples | Table) -> str:
+    """What the values are, with their unit."""
+    unit = unit_label(measured.unit)
+    name = measured.source.get("value", "value")
+    return f"{name}  [{unit}]" if unit else name
 
 
 def _draw_surface(table: Table, ax: Axes) -> None:
@@ -93,7 +91,7 @@ def _draw_surface(table: Table, ax: Axes) -> None:
     x, y = (np.union1d(a, np.linspace(a[0], a[-1], _FINE_GRID)) for a in table.axes)
     levels = ax.contourf(x, y, table(x[:, None], y[None, :]).T, levels=_LEVELS)
     bar = root_of(ax).colorbar(levels, ax=ax)
-    bar.set_label(table.source.get("value", "value"))
+    bar.set_label(_value_label(table))
     known = np.meshgrid(*table.axes)
     if known[0].size <= _DOTTED:
         ax.plot(*known, "o", color=VERMILION, markersize=2.5, linestyle="none")

@@ -27,13 +27,8 @@ def plot_eigenvalues(found: Equilibria, ax: Axes | None = None) -> Figure:
 
     Parameters
     ----------
-    found : Equilibria
     ax : matplotlib.axes.Axes, optional
         Draw into these axes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if ax is not None:
         _draw(ax, found)

@@ -21,6 +21,7 @@ from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.cells import (
     COLOURS,
     HATCHES,
+    REGIMES,
     UNCERTAIN,
     cell_edges,
     doubtful,
@@ -38,9 +39,6 @@ from stickslip.figures.drawing.maps import (
 )
 from stickslip.figures.drawing.style import (
     BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
     SKY,
     STICK_LINE,
     STICK_SHADE,
@@ -78,16 +76,6 @@ _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
 # of points without a value, by reason
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 _MARKS = {Outcome.IRREGULAR: "X", Outcome.SLOW: "v", Outcome.NOT_SETTLED: "s"}  # on lines
-# of the outcomes that most maps have; others have the colours that are left, and greys
-_REGIMES = {
-    Outcome.PERIODIC: BLUE,
-    Outcome.STEADY: GREEN,
-    Outcome.AT_REST: STICK_SHADE,
-    Outcome.IRREGULAR: VERMILION,
-    Outcome.SLOW: ORANGE,
-    Outcome.NOT_SETTLED: PURPLE,
-    Outcome.FINISHED: SKY,
-}
 _OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY)
 
 
@@ -131,7 +119,9 @@ def plot_sweep(
             return _multiples(data, names)
     count = len(dimensions)
     raise DeclarationError(
-        "plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)"
+        "plot",
+        f"a map over {count} axes cannot be drawn",
+        "Select values of some axes: data.sel(P=1)",
     )
 
 
@@ -220,7 +210,6 @@ def _line(
 
     Parameters
     ----------
-    axes : Axes
     data : xarray.Dataset
         With one axis.
     codes : sequence of int
@@ -360,7 +349,6 @@ def draw_map(
 
     Parameters
     ----------
-    axes : Axes
     data : xarray.Dataset
         A map over two axes.
     name : str
@@ -413,7 +401,7 @@ def _draw_outcomes(
     """Outcomes in distinct colours, with their names."""
     words = _words(data["outcome"])
     found = [int(code) for code in np.unique(data["outcome"].values) if code >= 0]
-    found.sort(key=[o.code for o in (*_REGIMES, *Outcome)].index)
+    found.sort(key=[o.code for o in (*REGIMES, *Outcome)].index)
     colours = _outcome_colours(found)
     shown = np.full(outcome.shape, np.nan)
     for i, code in enumerate(found):
@@ -430,7 +418,7 @@ def _draw_outcomes(
 
 def _outcome_colours(codes: Sequence[int]) -> list[str]:
     """Colours of outcomes: those that are frequent have the same in all maps."""
-    own = {kind.code: colour for kind, colour in _REGIMES.items()}
+    own = {kind.code: colour for kind, colour in REGIMES.items()}
     taken = {own[code] for code in codes if code in own}
     spare = cycle([colour for colour in _OTHERS if colour not in taken])
     return [own.get(code) or next(spare) for code in codes]

@@ -45,7 +45,7 @@ _NEGLIGIBLE = 1e-12  # part of the largest variance below which a principal axis
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Band(Result):
-    """A branch of cycles of a fitted system, and how uncertain it is.
+    """A branch of cycles of a fitted system, with its uncertainty.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Band(Result):
 
     @property
     def parameter(self) -> str:
-        """What the branch runs over."""
+        """The parameter of the branch."""
         return self.branch.parameter
 
     @property
@@ -89,7 +89,7 @@ class Band(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a branch."""
+        """Title of the system."""
         return self.branch.title
 
     @property
@@ -99,7 +99,7 @@ class Band(Result):
 
     @property
     def message(self) -> str:
-        """Where special points are, how well that is known, and what is not."""
+        """Special points with their uncertainties."""
         return "\n".join([*self._uncertain(), self.branch.ended, *self.notes])
 
     @property
@@ -113,12 +113,12 @@ class Band(Result):
         for kind, value, sd in zip(
             data["kind"].values, data["value"].values, data["value_sd"].values, strict=True
         ):
-            known = f"± {sd:.2g}" if np.isfinite(sd) else "(how uncertain is not known)"
+            known = f"± {sd:.2g}" if np.isfinite(sd) else "(uncertainty unknown)"
             found.append(f"{kind} at {self.parameter} = {value:.9g} {known}")
         return found
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         special = [
             {"kind": str(kind), "value": float(value), "sd": float(sd)}
@@ -129,7 +129,7 @@ class Band(Result):
         return {**self.branch.facts(), "uncertain": special, "notes": list(self.notes)}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         points = self.branch.rows()[:1]
         special = shortened([("special point", text) for text in self._uncertain()])
         notes = shortened([("note", text) for text in self.notes])
@@ -148,7 +148,7 @@ class Band(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A band as it was."""
+        """Restore a stored band."""
         branch = Branch.restored(data, parts, where)
         return cls(branch, data, tuple(json.loads(parts["notes"])))
 
@@ -180,7 +180,7 @@ def _free_of(fit: Fit, parameter: str) -> tuple[list[str], Array]:
     if not kept:
         raise DeclarationError(
             "continue_cycle",
-            "no parameter was fitted whose uncertainty could move the branch",
+            "no fitted parameter affects the branch",
             "Use stickslip.continue_cycle",
         )
     return [fit.names[j] for j in kept], fit.covariance[np.ix_(kept, kept)]
@@ -212,7 +212,10 @@ def _with_deviations(
                 found[f"amplitude_{x}_slope"][i] = g[-1]
             found["period_sd"][i] = _deviation(slopes["period"].values[:-1], covariance)
     data = points.assign({name: ("point", column) for name, column in found.items()})
-    note = f"{without} points have no derivative (events coincide): there the band is interpolated"
+    note = (
+        f"at {without} points the derivative does not exist (events coincide); the band is "
+        "interpolated there"
+    )
     return data, [note] if without else []
 
 
@@ -241,7 +244,7 @@ def _cycle_at(branch: Branch, i: int) -> Cycle:
     cycle = Cycle(system, parameters, closed)
     near = abs(cycle.period / float(point["period"]) - 1.0)
     if near > 1e-6:
-        raise ConvergenceError("a cycle of the branch", "another one was found", "")
+        raise ConvergenceError("a cycle of the branch", "another cycle was found", "")
     return cycle
 
 
@@ -302,7 +305,7 @@ def _beside(branch: Branch, point: SpecialPoint, width: float) -> Cycle:
                 return _cycle_at(branch, int(i))
             except ConvergenceError:
                 continue
-    raise ConvergenceError(point.describe(), "no cycle beside it can be closed again", "")
+    raise ConvergenceError(point.describe(), "neighbouring cycles do not converge", "")
 
 
 def _again(
@@ -327,4 +330,4 @@ def _again(
         if same:
             return min(same, key=lambda value: abs(value - point.value))
         around *= _WIDER
-    raise ConvergenceError(point.kind, "no such point is near for other parameters", "")
+    raise ConvergenceError(point.kind, "no such point was found nearby for other parameters", "")

@@ -41,16 +41,16 @@ Free = Mapping[str, "FreeRange"] | Iterable[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """Fits of several systems to the same data.
+    """Fits of several systems to the same data, with their comparison.
 
     Attributes
     ----------
     fits : tuple of Fit
     dataset : xarray.Dataset
         Over ``model``: ``unknowns``, ``log_likelihood``, ``aicc``, ``difference`` (of AICc from the
-        least), ``weight`` (Akaike's), ``bic``, all with one share of the data that counts.
+        least), ``weight`` (Akaike's), ``bic``, all with the same effective fraction of the data.
     flat : dict of str to tuple of str
-        By model the unknowns that the data do not bound.
+        For each model, the unknowns that the data do not determine.
     """
 
     KIND: ClassVar[str] = "comparison"
@@ -69,22 +69,22 @@ class Comparison(Result):
 
     @property
     def names(self) -> list[str]:
-        """What the models are called."""
+        """Names of the models."""
         return [str(name) for name in self.dataset["model"].values]
 
     @property
     def best(self) -> Fit:
-        """The fit with the least AICc."""
+        """The fit with the smallest AICc."""
         return self.fits[int(np.argmin(self.dataset["aicc"].values))]
 
     @property
     def decided(self) -> bool:
-        """Whether the data decide: the best has 0.95 of the weight."""
+        """Whether the data discriminate: the best model has at least 0.95 of the weight."""
         return bool(np.max(self.dataset["weight"].values) >= _DECIDED)
 
     @property
     def verdict(self) -> str:
-        """What the data say, in words."""
+        """Conclusion of the comparison."""
         i = int(np.argmin(self.dataset["aicc"].values))
         share = float(self.dataset["weight"].values[i])
         if self.decided:
@@ -94,16 +94,17 @@ class Comparison(Result):
             for j, name in enumerate(self.names)
             if j != i and self.dataset["weight"].values[j] > 1.0 - _DECIDED
         ]
-        others = " and ".join(beside) or "the others together"
+        others = " and ".join(beside) or "the others combined"
         return (
-            f"the data do not decide: {self.names[i]} has the weight {share:.3g}, beside {others}"
+            f"the data do not discriminate: {self.names[i]} has weight {share:.3g}, compared "
+            f"with {others}"
         )
 
     # -- what it says of itself --------------------------------------------------------------------
 
     @property
     def title(self) -> str:
-        """What is compared."""
+        """Names of the compared systems."""
         return "Comparison of " + ", ".join(self.names)
 
     @property
@@ -113,15 +114,15 @@ class Comparison(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether all fits came to their ends."""
+        """Whether all fits were completed."""
         complete = all(f.complete for f in self.fits)
         return Completion.FINISHED if complete else Completion.INTERRUPTED
 
     @property
     def message(self) -> str:
-        """The verdict, and what the data do not bound."""
+        """The verdict, and the parameters that the data do not determine."""
         flat = [
-            f"{model}: the data do not bound {', '.join(names)}"
+            f"{model}: the data do not determine {', '.join(names)}"
             for model, names in self.flat.items()
             if names
         ]
@@ -129,11 +130,11 @@ class Comparison(Result):
 
     @property
     def certificate(self) -> Certificate:
-        """Every residual of the fits where it is worst."""
+        """The largest value of every residual over all fits."""
         return worst([f.certificate for f in self.fits])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             "models": self.table.to_dict("list"),
             "decided": self.decided,
@@ -143,7 +144,7 @@ class Comparison(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         rows = [("verdict", line) for line in self.message.splitlines()]
         data = self.dataset
         for i, name in enumerate(self.names):
@@ -178,7 +179,7 @@ class Comparison(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A comparison as it was."""
+        """Restore a stored comparison."""
         fits = []
         for i in range(json.loads(parts["count"])):
             own = json.loads(parts[f"fit_{i}"])
@@ -205,17 +206,17 @@ def compare_systems(
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Comparison:
-    """Fit several systems to the same data, and compare how well they explain it.
+    """Fit several systems to the same data and compare the fits.
 
     Parameters
     ----------
     systems : mapping of str to System, or sequence of System
-        With names, or called as they call themselves.
+        A mapping of names to systems, or a sequence of systems, which use their own names.
     data : table, Recording, or sequence of these
-    free : as in :func:`fit`; or one for each system, in a sequence, or by their names
+    free : as in :func:`fit`; or one for each system, in a sequence or by name
     observe : as in :func:`fit`; or one for each system, likewise
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
     **options
         Of :func:`fit`: ``noise``, ``loss``, ``parameters``, ``initial``, ``drives``, ``time``,
         ``starts``, ``seed``, ``rtol``; ``parameters`` and ``initial`` may be one for each system in
@@ -228,7 +229,8 @@ def compare_systems(
     Raises
     ------
     DeclarationError
-        If there are fewer than two systems, two of one name, or an argument of a fit is wrong.
+        If there are fewer than two systems, two have the same name, or an argument of a fit is
+        wrong.
 
     Examples
     --------
@@ -269,7 +271,7 @@ def _named(systems: Mapping[str, System] | Sequence[System]) -> dict[str, System
             many = names.count(system.name) > 1
             table[f"{system.name} {i + 1}" if many else system.name] = system
     if len(table) < 2:
-        raise DeclarationError("systems", f"{len(table)} to compare", "Give at least two")
+        raise DeclarationError("systems", f"{len(table)} systems to compare", "Give at least two")
     return table
 
 
@@ -281,7 +283,9 @@ def _own(value: Any, i: int, name: str, known: set[str]) -> Any:
     if is_list and value and not all(isinstance(item, str) for item in value):
         if i >= len(value):
             raise DeclarationError(
-                "free", f"{len(value)} entries for more systems", "Give one for each"
+                "free",
+                f"the number of entries, {len(value)}, differs from the number of systems",
+                "Give one entry for each system",
             )
         return value[i]
     return value
@@ -308,7 +312,7 @@ def _compared(names: list[str], fits: list[Fit]) -> Comparison:
     data = xr.Dataset(
         {name: ("model", column) for name, column in columns.items()},
         {"model": ("model", names)},
-        {"share of the data that counts": share},
+        {"fraction of the data that counts": share},
     )
     flat = {name: _flat(f) for name, f in zip(names, fits, strict=True)}
     return Comparison(tuple(fits), data, flat)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Result):
-    """The unknowns for which a system explains data best.
+    """Parameter estimates of a system from data, with uncertainties.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class Fit(Result):
     certificate : Certificate
     log_likelihood : float
     notes : tuple of str
-        What one should know before one believes it.
+        Warnings about the reliability of the fit.
     complete : bool
-        False if it was interrupted.
+        False if the fit was interrupted.
     """
 
     KIND: ClassVar[str] = "fit"
@@ -86,8 +86,8 @@ class Fit(Result):
 
     @property
     def interval(self) -> dict[str, tuple[float, float]]:
-        """Their intervals of 95 %, from the covariance; :meth:`profile` gives those that need no
-        parabola."""
+        """95 % intervals from the covariance; :meth:`profile` gives likelihood intervals without
+        this approximation."""
         low, high = self.dataset["low"].values, self.dataset["high"].values
         pairs = zip(low.tolist(), high.tolist(), strict=True)
         return dict(zip(self.names, pairs, strict=True))
@@ -130,13 +130,13 @@ class Fit(Result):
     def profile(
         self, name: str, *, progress: Callable[[float], None] | None = None
     ) -> xarray.Dataset:
-        """Likelihood of the data with one unknown fixed, and the others as likely as they can be.
+        """Profile likelihood: the likelihood with one unknown fixed, maximised over the others.
 
         Parameters
         ----------
         name : str
         progress : callable, optional
-            Is told the fraction done.
+            Called with the completed fraction.
 
         Returns
         -------
@@ -156,8 +156,8 @@ class Fit(Result):
 
     @validated
     def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
-        """Values of the unknowns as likely as the data make them: normally distributed, within
-        their bounds.
+        """Random values of the unknowns from their estimated distribution: normal, within their
+        bounds.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class Fit(Result):
 
         check_positive(count=count)
         if seed < 0:
-            raise DeclarationError("seed", f"{seed} is negative", "Give a whole number from 0 on")
+            raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
         low, high = self.problem.bounds
         rng = np.random.default_rng(seed)
         root = _root_of(self.covariance)
@@ -195,8 +195,8 @@ class Fit(Result):
         *,
         initial: Mapping[str, float] | None = None,
     ) -> Band:
-        """The branch of cycles of the fitted system over a parameter, and how far the uncertainty
-        of the fit moves it: amplitudes, Hopf points, onsets of stick, folds.
+        """The branch of cycles of the fitted system over a parameter, with the uncertainty that
+        follows from the fit: of amplitudes, Hopf points, onsets of stick, folds.
 
         Parameters
         ----------
@@ -228,7 +228,7 @@ class Fit(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a fit."""
+        """Title of the system."""
         return self.declared.title or self.declared.name
 
     @property
@@ -238,17 +238,17 @@ class Fit(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether the search came to its end."""
+        """Whether the search was completed."""
         return Completion.FINISHED if self.complete else Completion.INTERRUPTED
 
     @property
     def message(self) -> str:
-        """How it ended, and what one should know."""
+        """Outcome and warnings."""
         return "\n".join([self.outcome.message, *self.notes])
 
     @property
     def aicc(self) -> float:
-        """Akaike's criterion with the correction for few data, of as many data as count."""
+        """Akaike's criterion with the small-sample correction, for the effective number of data."""
         return criteria(self.log_likelihood, self.free, self.count, self.statistics.weight)[0]
 
     @property
@@ -267,7 +267,7 @@ class Fit(Result):
         return len(self.names) + int(self.dataset.attrs["noises"])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         s = self.statistics
         return {
             **self.declared.heading(),
@@ -286,9 +286,11 @@ class Fit(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         rows = [("unknown", text) for text in self.unknowns_in_words()]
-        rows += [("data", f"{self.count}, of which {100 * self.statistics.weight:.3g} % count")]
+        rows += [
+            ("data", f"{self.count}, effectively {100 * self.statistics.weight:.3g} % of them")
+        ]
         tests = self.statistics.tests
         rows += [
             ("residuals", ", ".join(f"{n.replace('_', ' ')} {v:.3g}" for n, v in tests.items()))
@@ -297,7 +299,7 @@ class Fit(Result):
         return [*rows, *(("note", note) for note in self.notes)]
 
     def unknowns_in_words(self, most: int = 100) -> list[str]:
-        """Estimates with standard errors and intervals, a line each."""
+        """Estimates with standard errors and intervals, one line each."""
         data = self.dataset
         found = []
         for j, name in enumerate(self.names[:most]):
@@ -333,7 +335,7 @@ class Fit(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A fit as it was."""
+        """Restore a stored fit."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")
@@ -358,7 +360,6 @@ def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tup
 
     Parameters
     ----------
-    log_likelihood : float
     free : int
         Number of unknowns.
     count : int

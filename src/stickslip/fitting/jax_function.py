@@ -57,8 +57,8 @@ def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
     @jacobian.defjvp
     def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
         raise StickslipError(
-            "residuals of motions have first derivatives only: of least squares take JᵀJ in place "
-            "of the second"
+            "residuals of motions have first derivatives only. For least squares use JᵀJ "
+            "instead of the Hessian"
         )
 
     return residuals

@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.certificates import Residual, worst
+from stickslip.errors import DeclarationError
 from stickslip.fitting.fit import Fit
 from stickslip.fitting.problem import RTOL, Loss, fit_problem, suffix_of, table_columns
 from stickslip.fitting.search import Search, minimise
@@ -48,22 +49,22 @@ def fit(
     rtol: float = RTOL,
     progress: Callable[[float], None] | None = None,
 ) -> Fit:
-    """Find the parameters, and initial values, for which a system explains data best.
+    """Fit parameters and initial values of a system to data.
 
-    Least squares with the exact Jacobian, from several starts over recordings that grow; Ctrl-C
-    keeps the best so far.
+    Least squares with the exact Jacobian, from several starts and with recordings of increasing
+    length; Ctrl-C keeps the best fit so far.
 
     Parameters
     ----------
     system, data, free, observe, noise, loss, parameters, initial, drives, time, rtol
         As of :func:`fit_problem`.
     starts : int
-        Points of a Sobol sequence in the bounds (or around the start where there are none), the
-        given start first.
+        Number of starts: the given start, then points of a Sobol sequence within the bounds (or
+        around the start if there are none).
     seed : int
-        Of that sequence.
+        Seed of that sequence.
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
@@ -72,9 +73,9 @@ def fit(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or nothing that was measured depends on an unknown.
+        If an argument is wrong, or the data do not depend on an unknown.
     ConvergenceError
-        If there is a motion at no start.
+        If the motion cannot be computed at any start.
 
     Examples
     --------
@@ -144,30 +145,31 @@ def _notes(found: Search, s: Statistics) -> tuple[str, ...]:
         least = min(m.cost for m in found.minima)
         same = [m for m in found.minima if m.cost <= least * (1.0 + _SAME) + 1e-12]
         notes.append(
-            f"{len(same)} of {len(found.minima)} starts that were followed to the end lead here; "
-            "that no other minimum is lower is not proved"
+            f"{len(same)} of {len(found.minima)} completed starts converge to this minimum; a "
+            "lower minimum is not excluded"
         )
     if found.reasons:
-        notes.append(f"{len(found.reasons)} starts were given up ({found.reasons[0]})")
+        notes.append(f"{len(found.reasons)} starts were abandoned ({found.reasons[0]})")
     notes += [f"{name} is not determined by these data" for name in s.undetermined]
     for u, value in zip(problem.unknowns, p, strict=True):
         for bound in (u.low, u.high):
             if np.isfinite(bound) and abs(value - bound) <= _AT_BOUND * max(abs(bound), 1e-300):
-                notes.append(f"{u.label} is at its bound {bound:g}: its interval says little")
+                notes.append(f"{u.label} is at its bound {bound:g}: its interval is not reliable")
     if s.weight < 1.0:
         notes.append(
-            f"residuals of neighbours are correlated by {s.tests['correlation']:.2f}: of "
-            f"{len(problem.data)} data as many as {s.weight * len(problem.data):.0f} count, and "
-            "intervals are as wide as that makes them"
+            f"neighbouring residuals have correlation {s.tests['correlation']:.2f}: the "
+            f"effective number of the {len(problem.data)} data is "
+            f"{s.weight * len(problem.data):.0f}, and intervals are widened accordingly"
         )
     if s.tests.get("p_value", 1.0) < _UNLIKELY:
         notes.append(
             f"residuals are larger than the noise ({s.tests['chi_square']:.4g} for {s.freedom} "
-            "degrees of freedom): the law does not explain the data, or the noise is larger"
+            "degrees of freedom): the model does not explain the data, or the noise is "
+            "underestimated"
         )
     dropped = sum(m.dropped for m in problem.measured)
     if dropped:
-        notes.append(f"{dropped} rows without a time or a value were left out")
+        notes.append(f"{dropped} rows without a time or a value were skipped")
     return tuple(notes)
 
 
@@ -218,9 +220,11 @@ def _dataset(found: Search, s: Statistics) -> xarray.Dataset:
 
 
 def _about(system: System, name: str) -> dict[str, str]:
-    from stickslip.model.quantities import quantity
+    """Unit and meaning of what is observed: a quantity, or a formula of some; times of events have
+    none."""
+    from stickslip.model.quantities import quantity_or_formula
 
     try:
-        return quantity(system, name)
-    except KeyError:
+        return quantity_or_formula(system, name)
+    except DeclarationError:
         return {"long_name": name}

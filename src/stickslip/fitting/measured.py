@@ -60,10 +60,8 @@ class MeasuredRecord:
 
     Attributes
     ----------
-    recording : Recording
     system : System
         With the drives of the recording.
-    columns : tuple of Column
     times : array
         Of its rows; the numbers of the rows if these are events.
     span : (float, float)
@@ -126,7 +124,7 @@ class MeasuredRecord:
             nonlocal pieces
             pieces += 1
             if pieces > _LONGEST:
-                raise GivenUp(f"a motion takes more than {4096 * _LONGEST:,} steps")
+                raise GivenUp(f"the motion takes more than {4096 * _LONGEST:,} steps")
 
         try:
             start = self.start(given, free)
@@ -149,7 +147,6 @@ class MeasuredRecord:
 
         Parameters
         ----------
-        motion : Trajectory
         names : sequence of str
             Parameters, and initial values.
         touching : bool
@@ -169,8 +166,8 @@ class MeasuredRecord:
         found = events_of(motion, *self.recording.happening)
         if len(found) < len(self.times):
             raise GivenUp(
-                f"the motion has {len(found)} events '{self.recording.events}', the recording "
-                f"{len(self.times)}"
+                f"the motion has {len(found)} events '{self.recording.events}', but the "
+                f"recording has {len(self.times)}"
             )
         first = found[: len(self.times)]
         return at_events(motion, first, names, formulas, start, touching)
@@ -200,9 +197,7 @@ def events_of(motion: Trajectory, contact: str, verb: str) -> Array:
     """Knots at which something happens to a contact."""
     modes = {name: motion.modes[key] for name, key in _keys(motion).items()}
     if contact not in modes:
-        raise DeclarationError(
-            f"events: {contact}", "no contact has this name", suggestion(contact, modes)
-        )
+        raise DeclarationError(f"events: {contact}", "unknown contact", suggestion(contact, modes))
     mode = modes[contact]
     rests, is_open = mode == 0, mode == 2
     state = {"slips": ~rests & ~is_open, "sticks": rests, "opens": is_open, "closes": ~is_open}
@@ -234,8 +229,6 @@ def read_recording(
 
     Parameters
     ----------
-    system : System
-    recording : Recording
     observe : mapping of str to str
         The quantity, or formula of quantities, that each column is of.
     noise : mapping of str to float or str
@@ -257,7 +250,7 @@ def read_recording(
     some = np.any([np.isfinite(values) for values in columns.values()], axis=0)
     kept = np.flatnonzero(there & some)
     if not len(kept):
-        raise DeclarationError(where, "no row has a time and a value", "Give one at least")
+        raise DeclarationError(where, "no row has both a time and a value", "Give one at least")
     if not recording.events:
         kept = kept[np.argsort(clock[kept], kind="stable")]
     times = clock[kept]
@@ -266,7 +259,7 @@ def read_recording(
         own = values[kept]
         rows = np.flatnonzero(np.isfinite(own))
         if not len(rows):
-            raise DeclarationError(f"{where}, column '{name}'", "it is empty", "Leave it out")
+            raise DeclarationError(f"{where}, column '{name}'", "the column is empty", "Remove it")
         sigma = _noise(recording, name, noise.get(name), kept, rows)
         made.append(Column(name, str(observe[name]), rows, own[rows], sigma))
     moved = _driven(system, recording, clock)
@@ -290,10 +283,12 @@ def _noise(
             sigma = np.full(len(rows), float(given))
         except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
-                where, f"{given!r} is not a number", "Give a deviation"
+                where, f"{given!r} is not a number", "Give a standard deviation"
             ) from None
     if not np.all(sigma > 0.0) or not np.all(np.isfinite(sigma)):
-        raise DeclarationError(where, "a standard deviation is not positive", "Give one that is")
+        raise DeclarationError(
+            where, "the standard deviation is not positive", "Give a positive number"
+        )
     return sigma
 
 
@@ -305,7 +300,7 @@ def _driven(system: System, recording: Recording, clock: Array) -> System:
     for drive, column in recording.drives.items():
         if drive not in system.drives:
             raise DeclarationError(
-                f"drives.{drive}", "no drive has this name", suggestion(drive, system.drives)
+                f"drives.{drive}", "unknown drive", suggestion(drive, system.drives)
             )
         values = recording.column(column)
         there = np.isfinite(values) & np.isfinite(clock)
@@ -321,14 +316,14 @@ def _span(recording: Recording, times: Array, columns: list[Column]) -> tuple[fl
         if begin > times[0]:
             raise DeclarationError(
                 f"{recording.source}, begin",
-                f"the motion begins at {begin:g}, after the first row ({times[0]:g})",
-                "Let it begin before, or leave out the rows",
+                f"the motion begins at {begin:g}, which is later than the first row ({times[0]:g})",
+                "Begin earlier, or remove these rows",
             )
         if begin == times[-1]:
             raise DeclarationError(
                 recording.source,
-                f"all rows are at t = {begin:g}, where the motion begins",
-                "Give rows at later times, or say when it begins: begin=...",
+                f"all rows are at t = {begin:g}, the beginning of the motion",
+                "Give rows at later times, or set the beginning: begin=...",
             )
         return check_span((begin, float(times[-1])))
     begin = 0.0 if recording.begin is None else float(recording.begin)
@@ -338,8 +333,8 @@ def _span(recording: Recording, times: Array, columns: list[Column]) -> tuple[fl
     if np.isinf(last):
         raise DeclarationError(
             f"{recording.source}, end",
-            "of events without their times nobody knows how long the motion takes",
-            "Say until when it goes: end=...",
+            "the duration of the motion is unknown, since the events have no times",
+            "Set the end: end=...",
         )
     return check_span((begin, last))
 
@@ -370,6 +365,6 @@ def _closed(formula: Expr, name: str, parameters: Mapping[str, Expr]) -> Expr:
         raise DeclarationError(
             f"initial.{name}",
             f"it depends on {short(min(strange))}",
-            "Only parameters may stand in an initial value",
+            "Use parameters only in an initial value",
         )
     return formula

@@ -60,21 +60,21 @@ class Evaluated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """Residuals of a system beside data, as functions of the unknowns.
+    """Residuals of a system with respect to data, as functions of the unknowns.
 
     Attributes
     ----------
     system : System
     measured : tuple of MeasuredRecord
-        The recordings, read.
+        The recordings as read.
     unknowns : tuple of Unknown
     given : dict of str to float
-        Values of the parameters that are not free, where they are not the defaults.
+        Values of fixed parameters that differ from the defaults.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        What is summed up of the squares of the residuals.
+        Loss function of the squared residuals.
     sigma : array, shape (data,)
-        What the differences are divided by: the standard deviation of the noise where it is known;
-        else the spread of the column, or, after a fit, the estimate.
+        Scale of the differences: the standard deviation of the noise if known; else the spread of
+        the column or, after a fit, its estimate.
     rtol : float
         Accuracy of the motions.
     """
@@ -96,12 +96,12 @@ class FitProblem:
 
     @property
     def start(self) -> Array:
-        """Where to begin, shape (unknowns,)."""
+        """Start values, shape (unknowns,)."""
         return np.array([u.start for u in self.unknowns])
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Least and largest values, as ``scipy.optimize.least_squares`` takes them."""
+        """Lower and upper bounds, as for ``scipy.optimize.least_squares``."""
         return np.array([u.low for u in self.unknowns]), np.array([u.high for u in self.unknowns])
 
     @cached_property
@@ -152,7 +152,7 @@ class FitProblem:
         return r if np.max(np.abs(r), initial=0.0) < _SQUARED else np.full(len(r), np.inf)
 
     def reason(self, p: Any) -> str:
-        """Why there is no motion for some values; empty if there is one."""
+        """Reason why the motion cannot be computed for given values; empty if it can."""
         return self.evaluate(p).reason
 
     def jacobian(self, p: Any) -> Array:
@@ -172,7 +172,7 @@ class FitProblem:
         p = self._checked(p)
         found = self.evaluate(p)
         if found.reason:
-            raise NoDerivative(f"there is no motion: {found.reason}")
+            raise NoDerivative(f"the motion cannot be computed: {found.reason}")
         parts = [
             self._slopes(m, found.motions[r], r, touching) for r, m in enumerate(self.measured)
         ]
@@ -237,7 +237,7 @@ class FitProblem:
         return parameters, initial
 
     def evaluate(self, p: Any) -> Evaluated:
-        """The motions for some values of the unknowns, and what was measured of them."""
+        """Motions for given values of the unknowns, with the measured quantities."""
         p = self._checked(p)
         key = p.tobytes()
         for known, found in self._kept:
@@ -256,7 +256,7 @@ class FitProblem:
                 motion = m.move(parameters, free, self.rtol)
                 values = m.flat(m.of_motion(motion).values)
                 if not np.all(np.isfinite(values)):
-                    raise GivenUp("a quantity that was measured is not a finite number")
+                    raise GivenUp("a measured quantity is not a finite number")
                 motions.append(motion)
                 parts.append(values)
         except GivenUp as reason:
@@ -270,8 +270,8 @@ class FitProblem:
         found = m.of_motion(motion, names, touching)
         slopes = m.flat(found.slopes)
         if not np.all(np.isfinite(slopes)):
-            when, why = found.missing[0] if found.missing else (m.span[0], "it is not finite")
-            raise NoDerivative(f"no derivative from t = {when:.9g} on: {why}")
+            when, why = found.missing[0] if found.missing else (m.span[0], "not finite")
+            raise NoDerivative(f"no derivative after t = {when:.9g}: {why}")
         every = np.zeros((len(slopes), len(self.unknowns)))
         every[:, own] = slopes
         return every
@@ -286,7 +286,7 @@ class FitProblem:
         if shape != (len(self.unknowns),):
             names = ", ".join(self.names)
             raise DeclarationError(
-                "p", f"its shape is {shape}", f"Give {len(self.unknowns)} values: {names}"
+                "p", f"wrong shape {shape}", f"Give {len(self.unknowns)} values: {names}"
             )
 
     def _checked(self, p: Any) -> Array:
@@ -294,7 +294,7 @@ class FitProblem:
         self.check_shape(values.shape)
         if np.any(np.isnan(values)):
             name = self.names[int(np.argmax(np.isnan(values)))]
-            raise DeclarationError(f"p: {name}", "it is not a number", "Give one")
+            raise DeclarationError(f"p: {name}", "not a number", "Give a number")
         return values
 
     @property
@@ -342,6 +342,18 @@ class FitProblem:
         return replace(self, unknowns=others, measured=tuple(measured), _kept=[])
 
 
+def _check_derivatives(system: System) -> None:
+    """Refuse what has no derivatives whatever its motions are."""
+    for z in system.plain.declaration.resisted:
+        raise DeclarationError(
+            "system",
+            f"the rate of {z} solves an equation, since a drag or a law of friction of {z} depends "
+            "on it, so that motions have no derivatives, which a fit needs",
+            f"Let {z} be inertial, with a mass so small that it does not matter, or write the "
+            "stress as an internal variable, as in ss.catalogue.velocity_step",
+        )
+
+
 @validated
 def fit_problem(
     system: System,
@@ -357,7 +369,7 @@ def fit_problem(
     time: str = "",
     rtol: float = RTOL,
 ) -> FitProblem:
-    """A system beside data, as a problem for any optimiser or sampler: ``residuals(p)``,
+    """Formulate a system and data as a problem for any optimiser or sampler: ``residuals(p)``,
     ``jacobian(p)``, ``log_likelihood(p)``, ``bounds``, ``start``, ``names``.
 
     Parameters
@@ -366,21 +378,21 @@ def fit_problem(
     data : table, Recording, or sequence of these
         A file, a DataFrame, a Dataset, or a mapping of names to arrays; see :class:`Recording`.
     free : mapping of str to (float, float) or None, or names
-        What is looked for: parameters, and parts of the state for their initial values (one for
-        each recording), with bounds; by default the declared ranges.
+        Unknowns with bounds: parameters, and parts of the state for their initial values (one for
+        each recording); by default the declared ranges.
     observe : mapping of str to str, optional
-        The quantity of the motion (or a formula of quantities) that each column is of; by default
-        columns are called as quantities are. ``t`` is the time of an event.
+        The quantity of the motion (or a formula of quantities) for each column; by default columns
+        have the names of quantities. ``t`` is the time of an event.
     noise : mapping of str to float or str, optional
-        Standard deviation of columns, or columns in which it is. By default it is estimated.
+        Standard deviation of columns, or names of columns that contain it. Estimated by default.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        Robust ones feel less of outliers.
+        Robust losses are less sensitive to outliers.
     parameters : mapping of str to float, optional
-        Values that replace the defaults: where to begin, or what is known.
+        Values that replace the defaults: start values, or known values.
     initial : mapping of str to float or str, optional
         Initial values of all recordings; formulas of the parameters are allowed.
     drives : mapping of str to str, optional
-        Drives that were recorded, and their columns.
+        Recorded drives, and their columns.
     time : str
         Column of the time; by default ``time`` or ``t``.
     rtol : float
@@ -393,8 +405,9 @@ def fit_problem(
     Raises
     ------
     DeclarationError
-        If a column, a quantity, a name or a bound is wrong, data are constant, or there are fewer
-        data than unknowns.
+        If a column, a quantity, a name or a bound is wrong, data are constant, there are fewer
+        data than unknowns, or motions have no derivatives, since the friction of a coordinate
+        without mass depends on its rate.
 
     Examples
     --------
@@ -408,9 +421,10 @@ def fit_problem(
     (50, 1)
     """
     if loss not in LOSSES:
-        raise DeclarationError("loss", f"there is no loss '{loss}'", suggestion(loss, LOSSES, '"'))
+        raise DeclarationError("loss", f"unknown loss '{loss}'", suggestion(loss, LOSSES, '"'))
     given = dict(parameters or {})
     system.plain.declaration.check_parameters({**system.values, **given})
+    _check_derivatives(system)
     shared = {
         "parameters": {},
         "initial": initial or {},
@@ -426,7 +440,9 @@ def fit_problem(
     count = sum(m.count for m in measured)
     if count < len(unknowns):
         raise DeclarationError(
-            "free", f"{len(unknowns)} unknowns and {count} data", "Free fewer, or measure more"
+            "free",
+            f"{len(unknowns)} unknowns and {count} data",
+            "Fit fewer unknowns, or give more data",
         )
     sigma = np.concatenate([_scale(c, measured) for m in measured for c in m.columns])
     fixed = {name: value for name, value in given.items()}
@@ -452,14 +468,13 @@ def _read(
         if not observe:
             raise DeclarationError(
                 f"{recording.source}, observe",
-                f"no column is called like a quantity of {system.name}",
-                f'Say what they are, like {{"{_other(columns)}": "{next(iter(empty._rows))}"}}',
+                f"no column has the name of a quantity of {system.name}",
+                f'Map columns to quantities, like {{"{_other(columns)}": '
+                f'"{next(iter(empty._rows))}"}}',
             )
     for name in noise:
         if name not in observe:
-            raise DeclarationError(
-                f"noise.{name}", "no such column is observed", suggestion(name, observe)
-            )
+            raise DeclarationError(f"noise.{name}", "unknown column", suggestion(name, observe))
     read_observations(empty, [str(formula) for formula in observe.values()])
     return read_recording(system, recording, observe, noise)
 
@@ -490,8 +505,8 @@ def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
     if spread <= 1e-14 * float(np.max(np.abs(every))):
         raise DeclarationError(
             f"column '{column.name}'",
-            f"all {len(every)} values are {every[0]:g}: nothing changes that could be explained",
-            "Leave it out, or give its noise",
+            f"all {len(every)} values are {every[0]:g}, so there is nothing to fit",
+            "Remove it, or give its noise",
         )
     return np.full(len(column.rows), spread)
 

@@ -41,7 +41,7 @@ def profile_of(
 
     if name not in fit.names:
         raise DeclarationError(
-            f"profile: {name}", "no unknown of this fit has this name", suggestion(name, fit.names)
+            f"profile: {name}", "unknown name; it was not fitted", suggestion(name, fit.names)
         )
     j = fit.names.index(name)
     limit = _limit(fit)

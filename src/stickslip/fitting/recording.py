@@ -36,34 +36,34 @@ HAPPENINGS = ("slips", "sticks", "closes", "opens")
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measurements of one motion, and what is known of it.
+    """Measurements of one motion, with its known parameters and inputs.
 
     Attributes
     ----------
     data : table
-        A file of columns (comma, semicolon, tab or blanks between them, a line of names), a pandas
-        DataFrame, an xarray Dataset, or a mapping of names to arrays. Cells without a number are
-        gaps: a quantity is compared where it was measured.
+        A file with columns (separated by comma, semicolon, tab or blanks) and a header line, a
+        pandas DataFrame, an xarray Dataset, or a mapping of names to arrays. Empty cells are gaps
+        and are ignored.
     parameters : mapping of str to float
-        Values that differ from those of other records, such as a speed that was set.
+        Values that differ from those of other recordings, such as a prescribed speed.
     initial : mapping of str to float or str
         Initial values; formulas of the parameters are allowed, such as ``"D_c/V"``.
     drives : mapping of str to str
-        Drives of the system, and the columns they are in.
+        Drives of the system, and their columns.
     time : str
         Column of the time; by default ``time`` or ``t``.
     begin : float, optional
-        When the motion begins; by default at the first row.
+        Beginning of the motion; by default the first row.
     end : float, optional
-        When a motion of which events were recorded ends at the latest.
+        Latest end of the motion, if events were recorded.
     events : str
-        If every row is an event: what it is, such as ``"ground slips"`` (or sticks, opens, closes);
-        row after row as they follow each other.
+        Kind of event, if every row is an event: such as ``"ground slips"`` (or sticks, opens,
+        closes), in chronological order.
 
     Raises
     ------
     DeclarationError
-        If the data are no table.
+        If the data are not a table.
     """
 
     data: Any
@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def source(self) -> str:
-        """How messages call it."""
+        """Name in messages."""
         return str(self.table.attrs.get("source", "data"))
 
     @property
@@ -99,8 +99,8 @@ class Recording:
         if not names:
             raise DeclarationError(
                 self.source,
-                "no column is called time or t",
-                "Say which one is: time='...'",
+                "no column is named 'time' or 't'",
+                "Give the name of the time column: time='...'",
             )
         return names[0]
 
@@ -116,7 +116,7 @@ class Recording:
 
         if name not in self.table.columns:
             known = suggestion(name, [str(c) for c in self.table.columns])
-            raise DeclarationError(self.source, f"it has no column '{short(name)}'", known)
+            raise DeclarationError(self.source, f"unknown column '{short(name)}'", known)
         given = self.table[name]
         values = cast(Any, pd.to_numeric(given, errors="coerce")).to_numpy(float)
         strange = np.isnan(values) & given.notna().to_numpy()
@@ -128,14 +128,14 @@ class Recording:
                 f"'{short(str(given.iloc[row]))}' is not a number",
                 DECIMAL_POINTS
                 if "," in str(given.iloc[row])
-                else "Leave the cell empty, or fill it",
+                else "Correct the cell, or leave it empty",
             )
         if np.isinf(values).any():
             row = int(np.argmax(np.isinf(values)))
             raise DeclarationError(
                 f"{self.source}, row {row + 1}, column '{short(name)}'",
-                "it is infinite",
-                "Leave the cell empty, or fill it",
+                "the value is infinite",
+                "Correct the cell, or leave it empty",
             )
         return values
 
@@ -146,9 +146,8 @@ class Recording:
         if not contact or verb not in HAPPENINGS:
             raise DeclarationError(
                 f"{self.source}, events",
-                f"'{short(self.events)}' is no event",
-                "Write a contact and what it does, like 'ground slips'; it slips, sticks, closes "
-                "or opens",
+                f"'{short(self.events)}' is not an event",
+                "Give a contact and one of slips, sticks, closes, opens, like 'ground slips'",
             )
         return contact, verb
 
@@ -158,14 +157,13 @@ def as_recordings(data: Any, shared: Mapping[str, Any]) -> tuple[Recording, ...]
 
     Parameters
     ----------
-    data : Recording, table, or sequence of these
     shared : mapping
         Attributes of records.
     """
     several = isinstance(data, Sequence) and not isinstance(data, str | PathLike)
     items = list(cast(Sequence[Any], data)) if several else [data]
     if not items:
-        raise DeclarationError("data", "there is no record", "Give at least one")
+        raise DeclarationError("data", "no record was given", "Give at least one row")
     return tuple(_with(item, shared) for item in items)
 
 
@@ -204,7 +202,9 @@ def table_of(data: Any) -> pandas.DataFrame:
         if len({len(v) for v in columns.values()}) > 1:
             sizes = ", ".join(f"{name}: {len(v)}" for name, v in columns.items())
             raise DeclarationError(
-                "data", f"its columns differ in length ({sizes})", "Give columns of one length"
+                "data",
+                f"its columns have different lengths ({sizes})",
+                "Give columns of the same length",
             )
         return pd.DataFrame(columns)
     if hasattr(data, "to_dataframe"):
@@ -221,7 +221,7 @@ def _numbers(name: str, given: Any) -> Array:
         return np.ravel(np.asarray(given, float))
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            f"data, column '{short(name)}'", "it is not an array of numbers", "Give numbers"
+            f"data, column '{short(name)}'", "not an array of numbers", "Give numbers"
         ) from None
 
 
@@ -232,7 +232,11 @@ def _read(path: Path) -> pandas.DataFrame:
     rows = [i for i, line in enumerate(lines) if line.strip()]
     where = file_named(path)
     if not rows:
-        raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
+        raise DeclarationError(
+            where,
+            "the file is empty",
+            "Write a header line with the names of the columns, and a line for each row",
+        )
     separator = separator_of(lines[rows[0]])
     names = cells_in(lines[rows[0]].strip(), separator)
     for i in rows[1:]:
@@ -247,8 +251,8 @@ def _read(path: Path) -> pandas.DataFrame:
     except (ValueError, pd.errors.ParserError, csv.Error) as error:
         raise DeclarationError(
             where,
-            f"it is not a table of columns ({short(str(error))})",
-            "Save it as text: columns with a line of names",
+            f"not a table of columns ({short(str(error))})",
+            "Save it as text with a header line and columns",
         ) from None
     table.columns = [str(name).strip() for name in table.columns]
     table.attrs["source"] = str(path)

@@ -50,13 +50,11 @@ class Search:
     ----------
     problem : FitProblem
         With the estimated noise.
-    best : Minimum
     starts : array, shape (starts, unknowns)
     minima : list of Minimum
         Where the starts have led that were followed to the end.
     reasons : list of str
         Why starts were given up.
-    interrupted : bool
     """
 
     problem: FitProblem
@@ -74,7 +72,6 @@ def minimise(
 
     Parameters
     ----------
-    problem : FitProblem
     starts : int
         How many, the given one first.
     seed : int
@@ -85,7 +82,7 @@ def minimise(
     Raises
     ------
     ConvergenceError
-        If there is a motion at no start.
+        If the motion cannot be computed at any start.
     DeclarationError
         If nothing that was observed depends on an unknown.
     """
@@ -125,9 +122,9 @@ def _look(found: Search, show: Callable[[float, str], object]) -> None:
     if not found.minima:
         raise ConvergenceError(
             f"a fit of {problem.system.name}",
-            f"at none of {len(found.starts)} starts there is a motion beside the data "
-            f"({found.reasons[0] if found.reasons else 'none'})",
-            "Start elsewhere, or bound the unknowns",
+            f"the motion could not be compared with the data at any of {len(found.starts)} "
+            f"starts ({found.reasons[0] if found.reasons else 'none'})",
+            "Choose other starts, or give bounds for the unknowns",
         )
     show((steps - 1) / steps, "noise")
     _with_noise(found)
@@ -332,8 +329,8 @@ def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
         name = problem.names[int(np.argmax(idle))]
         raise DeclarationError(
             f"free.{name}",
-            "nothing that was measured depends on it",
-            "Fix it, or measure what depends on it",
+            "the data do not depend on it",
+            "Fix it, or add data that depend on it",
         )
 
 

@@ -28,10 +28,8 @@ class Unknown:
 
     Attributes
     ----------
-    name : str
     low, high : float
         Between which it is looked for.
-    start : float
     record : int
         Whose initial value it is; −1: a parameter, of all records.
     label : str
@@ -79,11 +77,9 @@ def read_unknowns(
 
     Parameters
     ----------
-    system : System
     free : mapping of str to (float, float) or None, or names
         Parameters, and components of the state for their initial values, with bounds; by default
         the declared ranges.
-    records : tuple of Recording
     given : mapping of str to float
         Values of parameters that replace the defaults: where to begin.
 
@@ -94,7 +90,9 @@ def read_unknowns(
     """
     table = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     if not table:
-        raise DeclarationError("free", "nothing is free", 'Name what to fit, like {"k": (1, 10)}')
+        raise DeclarationError(
+            "free", "there are no unknowns to fit", 'Give the unknowns, like {"k": (1, 10)}'
+        )
     state = list(system.declaration.state)
     found: list[Unknown] = []
     for name, bounds in table.items():
@@ -102,16 +100,16 @@ def read_unknowns(
             fixed = [r.source for r in records if name in r.parameters]
             if fixed:
                 raise DeclarationError(
-                    f"free.{name}", f"{fixed[0]} gives its value", "Fix it, or leave it free"
+                    f"free.{name}",
+                    f"its value is given by {fixed[0]}",
+                    "Remove the fixed value, or do not fit it",
                 )
             found.append(_parameter(system, name, bounds, given))
         elif name in state:
             found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
         else:
             known = suggestion(name, [*system.parameters, *state])
-            raise DeclarationError(
-                f"free.{name}", "no parameter, and no part of the state, has this name", known
-            )
+            raise DeclarationError(f"free.{name}", "unknown parameter or part of the state", known)
     return tuple(found)
 
 
@@ -123,8 +121,8 @@ def _parameter(system: System, name: str, bounds: FreeRange, given: Mapping[str,
         if name in given:
             raise DeclarationError(
                 f"parameters.{name}",
-                f"the start {value:g} is outside of {low:g} to {high:g}",
-                "Start inside",
+                f"the start {value:g} is outside the bounds {low:g} to {high:g}",
+                "Choose a start within the bounds",
             )
         value = middle(low, high)
     positive = low >= 0.0 and value > 0.0 and not (low == 0.0 and declared.closed[0])
@@ -141,8 +139,8 @@ def _initial(
     if isinstance(given, str):
         raise DeclarationError(
             f"free.{name}",
-            f"{records[r].source} says that it begins with {given}",
-            "Leave it free, or give its initial value",
+            f"{records[r].source} gives its initial value, {given}",
+            "Fit it, or give its initial value",
         )
     low, high = checked_bounds(name, bounds, (-math.inf, math.inf))
     value = float(given)
@@ -150,8 +148,8 @@ def _initial(
         if name in records[r].initial:
             raise DeclarationError(
                 f"initial.{name}",
-                f"the start {value:g} is outside of {low:g} to {high:g}",
-                "Start inside",
+                f"the start {value:g} is outside the bounds {low:g} to {high:g}",
+                "Choose a start within the bounds",
             )
         value = middle(low, high)
     label = name if len(records) == 1 else f"{name}[{r + 1}]"
@@ -169,13 +167,14 @@ def checked_bounds(name: str, bounds: Any, declared: tuple[float, float]) -> tup
         low, high = math.nan, math.nan
     if not low < high:
         raise DeclarationError(
-            f"free.{name}", f"{bounds!r} are no bounds", "Give (low, high), or None"
+            f"free.{name}", f"{bounds!r} is not a pair of bounds", "Give (low, high), or None"
         )
     if low < declared[0] or high > declared[1]:
         raise DeclarationError(
             f"free.{name}",
-            f"{low:g} to {high:g} leaves the declared range {declared[0]:g} to {declared[1]:g}",
-            "Give bounds inside",
+            f"the bounds {low:g} to {high:g} exceed the declared range {declared[0]:g} to "
+            f"{declared[1]:g}",
+            "Give bounds within this range",
         )
     return low, high
 

@@ -56,10 +56,6 @@ _TAKES = {
 class Cuda:
     """The first GPU that the driver knows.
 
-    Attributes
-    ----------
-    name : str
-
     Raises
     ------
     DeclarationError
@@ -81,7 +77,7 @@ class Cuda:
         if self.capability < CAPABILITY:
             said, least = (".".join(map(str, x)) for x in (self.capability, CAPABILITY))
             reason = f"{self.name} has compute capability {said}; {least} is needed"
-            raise DeclarationError("device", reason, "Leave the work to the cpu")
+            raise DeclarationError("device", reason, 'Use device="cpu"')
         self._call("cuDevicePrimaryCtxRetain", byref(self._context), device)
         self._known: dict[Any, list[Any]] = {}
         self._lock = Lock()
@@ -93,9 +89,11 @@ class Cuda:
         code = getattr(self._driver, name)(*given)
         if code == _NO_DEVICE:
             reason = "no CUDA device was found on this machine"
-            raise DeclarationError("device", reason, "Leave the work to the cpu")
+            raise DeclarationError("device", reason, 'Use device="cpu"')
         if code == _NO_MEMORY:
-            raise StickslipError(f"{self.name}: its memory is full. Close what else uses it")
+            raise StickslipError(
+                f"{self.name}: its memory is full. Close other programs that use it"
+            )
         if code:
             said = c_char_p()
             self._driver.cuGetErrorName(code, byref(said))
@@ -144,7 +142,6 @@ class Cuda:
 
         Parameters
         ----------
-        entries : sequence of Entry
         system : str
             LLVM assembly of its functions.
         """
@@ -202,10 +199,8 @@ class Cuda:
 
         Parameters
         ----------
-        function
         words : array of int
             All arguments but the last.
-        count : int
         """
         place = self.allocate(words.nbytes)
         try:
@@ -233,7 +228,7 @@ def _driver() -> Any:
         library = ctypes.CDLL(_DRIVER)
     except OSError:
         reason = f"NVIDIA's driver ({_DRIVER}) is not installed"
-        raise DeclarationError("device", reason, "Leave the work to the cpu") from None
+        raise DeclarationError("device", reason, 'Use device="cpu"') from None
     for name, kinds in _TAKES.items():
         getattr(library, name).argtypes = [_KINDS[kind] for kind in kinds]
     return library

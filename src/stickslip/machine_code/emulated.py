@@ -21,7 +21,6 @@ class Emulated:
 
     Attributes
     ----------
-    name : str
     launches : int
         So far.
     """
@@ -71,10 +70,8 @@ class Emulated:
 
         Parameters
         ----------
-        function : Entry
         words : array of int
             All arguments but the last.
-        count : int
         """
         self.launches += 1
         own = np.append(words, 0)

@@ -28,7 +28,6 @@ class Compilation(NamedTuple):
         File where it is kept, without suffix.
     key : str
         All that its machine code depends on.
-    here : Processor
     bitcode : bool
         Whether to keep bitcode, too.
     """

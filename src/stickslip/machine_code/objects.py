@@ -141,7 +141,6 @@ def optimise(module: Any, target: Any, *, loops: bool = True, inlined: int = 225
 
     Parameters
     ----------
-    module, target
     loops : bool
         Whether loops may be written out, and their rounds put side by side.
     inlined : int
@@ -162,10 +161,8 @@ def object_of(assembly: str, place: Path, here: Processor, effort: int) -> bytes
 
     Parameters
     ----------
-    assembly : str
     place : Path
         Beginning of the name of the file where it is kept.
-    here : Processor
     effort : int
         `LOOPS`, `STRAIGHT` or `LONG`.
     """

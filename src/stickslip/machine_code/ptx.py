@@ -139,7 +139,7 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
     ]
     if missing:
         reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
-        raise DeclarationError("device", reason, "Leave the work to the cpu")
+        raise DeclarationError("device", reason, 'Use device="cpu"')
     return target.emit_assembly(module).encode()
 
 

@@ -77,7 +77,6 @@ class Library(NamedTuple):
 
     Attributes
     ----------
-    name : str
     modules : tuple of str
         Where the entries are.
     """
@@ -240,9 +239,6 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
 
     Parameters
     ----------
-    library : Library
-    folder : Path
-    here : Processor
     ship : bool
         Whether to keep bitcode, too.
     """

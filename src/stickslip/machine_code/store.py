@@ -65,9 +65,9 @@ def _folder(given: str | None) -> Path:
     except (OSError, RuntimeError) as error:  # RuntimeError: no home is known
         why = getattr(error, "strerror", None) or error
         print(
-            f"stickslip: machine code cannot be kept in {folder}: {why}. This process keeps it in "
-            "a temporary folder, and others have to make it again. Make that folder your own, or "
-            "set STICKSLIP_CACHE to one that is.",
+            f"stickslip: machine code cannot be stored in {folder}: {why}. A temporary folder is "
+            "used for this process only. Change the owner of the folder, or set STICKSLIP_CACHE "
+            "to another folder.",
             file=sys.stderr,
         )
     try:

@@ -222,7 +222,6 @@ class Prepared:
         Of its arguments.
     types : tuple of Type
         Theirs.
-    result : Type
     address : int
         Of the function that takes the address of its arguments as words.
     code : Code, optional

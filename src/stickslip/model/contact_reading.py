@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stickslip.convex.formula import ConvexFormula
     from stickslip.model.reading import DeclarationReader
 
-_REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
+_REMEDY = "A threshold must not be negative; write max(..., 0) around its formula"
 _VELOCITIES = ("v1", "v2", "v3")  # as a dissipation names them
 _NUMBERS = {2: "two", 3: "three"}
 
@@ -43,8 +43,8 @@ class _Contacts:
         self.directions = reader.scope(
             reader.inertia,
             reader.rates,
-            why="A direction is a linear combination of rates, with coefficients of t, inertial "
-            "coordinates and parameters",
+            why="The coefficients of a direction may depend on t, inertial coordinates and "
+            "parameters",
         )
         self.normals = {
             normal_force(name): ex.sym(normal_force(name)) for name in self.system.with_gaps
@@ -56,7 +56,7 @@ class _Contacts:
             reader.state,
             reader.velocities,
             self.normals,
-            why="Only rates of inertial coordinates may stand here",
+            why="Use rates of inertial coordinates only",
         )
         self.sliding = reader.scope(
             reader.state,
@@ -66,7 +66,8 @@ class _Contacts:
             why="Use 'speed' for |u|",
         )
         self.surface = reader.scope(
-            reader.inertia, why="A surface moves with t, inertial coordinates and parameters"
+            reader.inertia,
+            why="A surface speed may depend on t, inertial coordinates and parameters",
         )
         self.order = {f"d_{x}": i for i, x in enumerate(self.result.coordinates)}
 
@@ -77,8 +78,8 @@ class _Contacts:
             if JOINED in name:
                 raise DeclarationError(
                     entry_key("contacts", name),
-                    f"'{JOINED}' joins the names of contacts that rub along one direction",
-                    "Give it another name",
+                    f"'{JOINED}' is reserved for contacts that share a direction",
+                    "Choose another name",
                 )
             if isinstance(contact, Unilateral):
                 found += self._unilateral(name, contact)
@@ -97,21 +98,21 @@ class _Contacts:
             if not acting:
                 raise DeclarationError(
                     f"coordinates.{r}",
-                    "a rate-independent coordinate without dry friction",
+                    "a rate-independent coordinate needs dry friction",
                     f"Add a contact with direction 'd_{r}'",
                 )
             if len(acting) > 1:
                 raise DeclarationError(
                     entry_key("contacts", acting[1]),
                     f"'{r}' already has the contact '{short(acting[0])}'",
-                    "Add their thresholds in one contact",
+                    "Combine them into one contact, with the sum of the thresholds",
                 )
 
     def _unilateral(self, name: str, contact: Unilateral) -> list[DryContact]:
         """The normal direction of a contact that can open, and its friction."""
         where = entry_key("contacts", name)
         gaps = self.reader.scope(
-            self.reader.inertia, why="A gap uses t, inertial coordinates and parameters"
+            self.reader.inertia, why="A gap may depend on t, inertial coordinates and parameters"
         )
         gap = gaps.parse(contact.gap, f"{where}.gap")
         check_slopes(gap, self.reader.inertia, f"{where}.gap", 3)
@@ -121,7 +122,7 @@ class _Contacts:
         if not direction:
             raise DeclarationError(
                 f"{where}.gap",
-                "it depends on no inertial coordinate",
+                "it does not depend on an inertial coordinate",
                 "Write the distance, such as 'y' or 'y - l*sin(phi)'",
             )
         parts = [
@@ -147,11 +148,14 @@ class _Contacts:
         ):
             raise DeclarationError(
                 f"{where}.gap",
-                f"it is {here:g} at the initial state: the bodies overlap",
-                "Start where it is positive, or zero for contact",
+                f"the gap is {here:g} at the initial state: the bodies overlap",
+                "Choose initial values with a positive gap, or zero for contact",
             )
         adhesion = self.reader.motion.parse(contact.adhesion, f"{where}.adhesion")
-        remedy = "It is the largest pull; write max(..., 0) where it may vanish"
+        remedy = (
+            "Adhesion is the largest tensile force and must not be negative; write max(..., 0) "
+            "around its formula"
+        )
         self._check_threshold(adhesion, f"{where}.adhesion", remedy)
         normal = DryContact(
             normal_force(name),
@@ -172,14 +176,14 @@ class _Contacts:
         if not at_start >= 0.0:
             raise DeclarationError(
                 f"{where}.mu",
-                f"the coefficient of friction is {at_start:g} at the start",
-                "It is never negative",
+                f"the coefficient of friction is {at_start:g} at the initial state",
+                "It must not be negative",
             )
         if not contact.direction:
             if mu is not ex.ZERO:
                 raise DeclarationError(
                     f"{where}.direction",
-                    "friction has no direction",
+                    "the direction of friction is missing",
                     "Give the relative velocity, like direction = 'd_x'",
                 )
             return [normal]
@@ -191,7 +195,7 @@ class _Contacts:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its coordinates are {rubs[0].kind}",
-                "A contact that can open moves inertial coordinates",
+                "A contact with a gap needs inertial coordinates",
             )
         normal_here = ex.sym(normal_force(name))
         friction = [
@@ -215,25 +219,25 @@ class _Contacts:
             raise DeclarationError(
                 f"{where}.threshold",
                 "this key is missing",
-                'Add the largest force that it holds, like threshold = "mu*m*g"',
+                'Add the largest friction force, like threshold = "mu*m*g"',
             )
         if isinstance(contact.direction, str):
             if contact.dissipation is not None:
                 raise DeclarationError(
                     f"{where}.dissipation",
-                    "a contact along a line has none",
+                    "a contact along a line does not take a dissipation",
                     "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
                 )
             if isinstance(contact.surface_speed, tuple):
                 raise DeclarationError(
                     f"{where}.surface_speed",
-                    "two components, and a contact along a line has one",
+                    "two components were given, but a contact along a line has one",
                     "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
                 )
             if contact.axes != (1.0, 1.0):
                 raise DeclarationError(
                     f"{where}.axes",
-                    "a contact along a line has none",
+                    "only a contact in a plane has axes",
                     "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
                 )
             return [self._contact(name, contact)]
@@ -241,16 +245,15 @@ class _Contacts:
             if isinstance(given, tuple):
                 raise DeclarationError(
                     f"{where}.{key}",
-                    "a contact in a plane has one, for all directions",
-                    "Give one formula, and its axes where friction is not the same in both "
-                    "directions",
+                    "a contact in a plane has a single threshold for all directions",
+                    "Give one formula; for anisotropic friction add 'axes'",
                 )
         given = contact.surface_speed
         count = len(contact.direction)
         if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
             raise DeclarationError(
                 f"{where}.surface_speed",
-                f"a surface below it has a velocity of {_NUMBERS[count]} components",
+                f"the surface velocity needs {_NUMBERS[count]} components",
                 f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
                 f"{', 0' * (count - 1)}]",
             )
@@ -258,7 +261,7 @@ class _Contacts:
         if contact.dissipation is None and len(lengths) != count:
             raise DeclarationError(
                 f"{where}.axes",
-                f"there are {len(lengths)} for {count} directions",
+                f"expected {count} half axes, one for each direction, got {len(lengths)}",
                 "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
                 "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
                 if count == 3
@@ -275,8 +278,8 @@ class _Contacts:
             if label in self.system.contacts:
                 raise DeclarationError(
                     where,
-                    f"its components need the name '{label}', which is taken",
-                    "Rename one of the two",
+                    f"its components need the name '{label}', which is already used",
+                    "Rename one of them",
                 )
         found = [
             replace(self._contact(label, part, name), plane=i, axis=axis, dissipation=formula)
@@ -305,17 +308,17 @@ class _Contacts:
         if contact.axes != (1.0, 1.0):
             raise DeclarationError(
                 f"{where}.axes",
-                "it has a dissipation, which says how friction depends on the direction",
-                "Leave one of the two out",
+                "'axes' and 'dissipation' both define how friction depends on the direction",
+                "Remove one of them",
             )
         taken = [x for x in names if x in self.reader.constants]
         if taken:
             raise DeclarationError(
                 key,
-                f"'{taken[0]}' is a component of the relative velocity there, and a parameter",
+                f"'{taken[0]}' is both a component of the relative velocity and a parameter",
                 "Rename the parameter",
             )
-        why = f"A dissipation uses {', '.join(names)} and parameters"
+        why = f"A dissipation may depend on {', '.join(names)} and parameters"
         scope = self.reader.scope(velocities, why=why)
         value, like = (
             replace(scope, definitions={**own, **scope.definitions}).parse(contact.dissipation, key)
@@ -332,15 +335,15 @@ class _Contacts:
             raise DeclarationError(
                 f"{where}.dissipation",
                 f"its coordinates are {part.kind}",
-                "Declare them inertial; evolutions without mass take a SupportFormula",
+                "Declare them inertial; for an evolution without mass use a SupportFormula",
             )
         pressed = (part.plus.symbols | part.kinetic_plus.symbols) & self.normals.keys()
         if pressed:
             raise DeclarationError(
                 f"{where}.threshold",
-                f"it depends on {min(pressed)}, and the contact has a dissipation of its own",
-                "Give the normal force as a formula of time and state, or leave the dissipation "
-                "out",
+                f"it depends on {min(pressed)}, which a contact with a dissipation does not "
+                "support",
+                "Give the normal force as a formula of time and state, or remove the dissipation",
             )
 
     def _axis(self, given: object, where: str) -> Expr:
@@ -364,33 +367,35 @@ class _Contacts:
         if any(first.prescribed != other.prescribed for other in others):
             raise DeclarationError(
                 f"{where}.direction",
-                "one of its components has no rate",
-                "Give two independent combinations of rates, like ['d_x', 'd_y'], or none at all "
-                "where both surfaces move as given",
+                "one of its components contains no rate",
+                "Give two independent combinations of rates, like ['d_x', 'd_y'], or no rates "
+                "at all if the motion of both surfaces is prescribed",
             )
         if first.prescribed and all(part.speed is ex.ZERO for part in parts):
             raise DeclarationError(
-                f"{where}.direction", "neither side moves", "Write it like ['d_x', 'd_y']"
+                f"{where}.direction",
+                "the direction is zero, and so is the surface speed",
+                "Write it like ['d_x', 'd_y']",
             )
         second = next((other for other in others if other.kind != first.kind), second)
         if first.kind != second.kind:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its components are {first.kind} and {second.kind}",
-                "Give all coordinates of one contact the same kind",
+                "Declare all coordinates of one contact with the same kind",
             )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
         if not first.prescribed and any(_alike(a, b) for a, b in pairs):
             raise DeclarationError(
                 f"{where}.direction",
-                f"{'both' if len(parts) == 2 else 'two'} of its components are along one line",
+                f"{'both' if len(parts) == 2 else 'two'} of its components are parallel",
                 f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
                 f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
             )
         if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
             raise DeclarationError(
                 f"{where}.direction",
-                "one of its components is a combination of the others",
+                "one of its components is a linear combination of the others",
                 "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
             )
 
@@ -433,14 +438,14 @@ class _Contacts:
             raise DeclarationError(
                 f"{where}.direction",
                 f"it contains the constant {short(repr(rest))}",
-                "Put it under surface_speed",
+                "Move it to 'surface_speed'",
             )
         kinds = {self.system.coordinates[x].kind for x in direction}
         if len(kinds) > 1:
             raise DeclarationError(
                 f"{where}.direction",
-                f"it joins {' and '.join(sorted(kinds))} coordinates",
-                "Give all coordinates of one contact the same kind",
+                f"it combines {' and '.join(sorted(kinds))} coordinates",
+                "Declare all coordinates of one contact with the same kind",
             )
         kind = kinds.pop()
         turning = sorted(
@@ -449,8 +454,8 @@ class _Contacts:
         if turning and kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
-                f"it depends on {turning[0]}, and its coordinates are {kind}",
-                "Let it have constant coefficients, or declare the coordinates inertial",
+                f"its coefficients depend on {turning[0]}, but its coordinates are {kind}",
+                "Use constant coefficients, or declare the coordinates inertial",
             )
         if turning:
             check_slopes(text, [*self.reader.inertia, *self.reader.rates], f"{where}.direction", 2)
@@ -459,15 +464,15 @@ class _Contacts:
         if resisted:
             raise DeclarationError(
                 f"{where}.direction",
-                f"'{min(resisted)}' has a drag, whose rate no contact may hold",
-                "Put the friction into the drag, join another coordinate by a spring, or declare "
-                "the coordinate inertial",
+                f"'{min(resisted)}' has a drag, so a contact cannot act on its rate",
+                "Include the friction in the drag, attach another coordinate by a spring, or "
+                "declare the coordinate inertial",
             )
         if kind == Kind.RATE_INDEPENDENT and len(direction) > 1:
             raise DeclarationError(
                 f"{where}.direction",
-                "a contact of rate-independent coordinates moves one of them",
-                "Use one contact per coordinate, or give them viscosity",
+                "a contact of rate-independent coordinates must act on exactly one of them",
+                "Use one contact per coordinate, or declare them viscous",
             )
         inertial = kind == Kind.INERTIAL
         places = self.surface if declared and inertial else self.reader.clock
@@ -492,12 +497,13 @@ class _Contacts:
             raise DeclarationError(
                 f"{where}.direction",
                 "not a linear combination of rates",
-                "Write it like 'd_x', or 'd_xi' with a drive xi; '0' for a surface_speed alone",
+                "Write it like 'd_x', or 'd_xi' with a drive xi, or '0' for a contact with a "
+                "surface_speed only",
             )
         if speed is ex.ZERO and not declared:
             raise DeclarationError(
                 f"{where}.direction",
-                "neither side moves",
+                "the direction is zero, and so is the surface speed",
                 "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
             )
         forces = self._forces(where, contact, None, in_plane=bool(declared))
@@ -519,14 +525,14 @@ class _Contacts:
             if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
                     f"{where}.kinetic",
-                    "without inertia or viscosity the drop to the kinetic force is a jump",
+                    "a kinetic force below the threshold needs inertia or viscosity",
                     "Declare the coordinate viscous or inertial",
                 )
             if kind == Kind.VISCOUS and any("speed" in k.symbols for k in kinetic):
                 raise DeclarationError(
                     f"{where}.kinetic",
-                    "for viscous coordinates it may not depend on the speed",
-                    "Declare the coordinate inertial, or put the slope into 'viscous'",
+                    "for viscous coordinates the kinetic force must not depend on the speed",
+                    "Declare the coordinate inertial, or move the slope to 'viscous'",
                 )
         self._check_pressed(where, (plus, minus, *kinetic), in_plane)
         check_unit(contact.unit, f"{where}.unit")
@@ -537,8 +543,9 @@ class _Contacts:
             if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
                 raise DeclarationError(
                     f"{where}.kinetic",
-                    f"the kinetic force {at_rest:g} is not between 0 and the threshold",
-                    "Sliding friction is at most the threshold",
+                    f"the kinetic force at rest is {at_rest:g}, which is not between 0 and the "
+                    "threshold",
+                    "Reduce the kinetic force, or increase the threshold",
                 )
         return plus, minus, *kinetic
 
@@ -557,9 +564,9 @@ class _Contacts:
             ):
                 raise DeclarationError(
                     where,
-                    f"its coefficients under {name} are {plus:g} at rest and {sliding[0]:g} in "
-                    "sliding at the start",
-                    "They are not negative, and sliding friction is at most the threshold",
+                    f"its coefficients of {name} are {plus:g} in stick and {sliding[0]:g} in "
+                    "slip at the initial state",
+                    "They must not be negative, and kinetic friction must not exceed the threshold",
                 )
         nothing = dict.fromkeys(own, ex.ZERO)
         rest = [ex.substitute(force, nothing) for force in forces]
@@ -567,8 +574,8 @@ class _Contacts:
         if in_plane and own and (uneven or any(e is not ex.ZERO for e in rest)):
             raise DeclarationError(
                 f"{where}.threshold",
-                f"in a plane it is not proportional to {min(own)} alone",
-                f"Write it like 'mu*{min(own)}', and give other friction a contact of its own",
+                f"in a plane it must be proportional to {min(own)}",
+                f"Write it like 'mu*{min(own)}', and declare other friction as a separate contact",
             )
 
     def _check_proportional(self, where: str, force: Expr) -> None:
@@ -579,7 +586,8 @@ class _Contacts:
             raise DeclarationError(
                 where,
                 f"it is not linear in {min(own)}",
-                f"Write it like '0.5 + mu*{min(own)}', with a coefficient without normal forces",
+                f"Write it like '0.5 + mu*{min(own)}', where the coefficient does not depend on "
+                "normal forces",
             )
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
@@ -597,7 +605,7 @@ class _Contacts:
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
         if not 0.0 <= here < math.inf:
-            raise DeclarationError(where, f"it is {here:g} at the initial state", remedy)
+            raise DeclarationError(where, f"its value is {here:g} at the initial state", remedy)
         if low < -1e-12 * abs(high):
             if not threshold.symbols & (self.reader.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)

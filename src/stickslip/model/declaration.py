@@ -125,7 +125,6 @@ class ReadCondition:
     ----------
     margin : Expr
         What is positive where it holds, or zero unless it is strict.
-    strict : bool
     otherwise : str
         What happens where it fails.
     """
@@ -138,7 +137,7 @@ class ReadCondition:
         """Why it fails for some parameters; empty if it holds."""
         margin = ex.evaluate(self.margin, values)
         if math.isnan(margin):
-            return "it is undefined for these parameters"
+            return "undefined for these parameters"
         holds = margin > 0.0 or (margin == 0.0 and not self.strict)
         return "" if holds else self.otherwise
 
@@ -156,15 +155,12 @@ class Declaration:
         Matrices M(q, t) of inertial and C, constant, of inertial and viscous coordinates, by pairs.
     kinetic : Expr
         T = q̇·M q̇/2 + b·q̇ + c, with b and c of q and t.
-    potential : Expr
     forces : dict of str to Expr
         Non-potential forces.
     drags : dict of str to Expr
         Resistances f(v) of inertial coordinates, and of viscous ones that have any.
     laws : dict of str to Expr
         Rates of the internal variables.
-    contacts : list of DryContact
-    jumps : list of StateJump
     outputs : dict of str to Expr
         What results show besides, by the names of :attr:`published`.
     scope : Scope
@@ -281,7 +277,7 @@ class Declaration:
         scope = self.scope
         names = {name: ex.sym(name) for name in self.published} | dict(scope.names)
         del names["speed"]
-        speed = {"speed": "Name a contact, like slip_speed_c for one called c"}
+        speed = {"speed": "Name the contact, like slip_speed_c for contact c"}
         return Scope(names, scope.definitions, {**scope.forbidden, **speed}, vectors=scope.vectors)
 
     @cached_property
@@ -302,12 +298,12 @@ class Declaration:
                 close = get_close_matches(name, self.scope.names, 1)
                 raise DeclarationError(
                     "values",
-                    f"there is no '{short(name)}'",
-                    f"Did you mean '{close[0]}'?" if close else "Give t, the state, parameters",
+                    f"unknown name '{short(name)}'",
+                    f"Did you mean '{close[0]}'?" if close else "Use t, the state and parameters",
                 )
         lacking = sorted(expression.symbols - values.keys())
         if lacking:
-            raise DeclarationError("values", f"'{lacking[0]}' has no value", "Give it a number")
+            raise DeclarationError("values", f"'{lacking[0]}' has no value", "Give its value")
         return ex.evaluate(expression, values)
 
     def check_span(self, start: float, stop: float) -> None:
@@ -324,7 +320,7 @@ class Declaration:
         if name not in self.ranges:
             raise DeclarationError(
                 where,
-                "there is no such parameter",
+                "unknown parameter",
                 f"Known: {', '.join(self.parameters) or 'none'}",
             )
         self.ranges[name].check(value, where)
@@ -376,8 +372,8 @@ class Declaration:
                     f"the resistance does not increase with {rate} at {rate} = {v:g}"
                     + (f", {at}" if at else "")
                     + f" (its slope is {steep:g})",
-                    "A drag of a coordinate without mass increases with its rate; add eta/2*"
-                    f"{rate}**2 to 'viscous', or declare the coordinate inertial",
+                    "The drag of a coordinate without mass must increase with its rate; add "
+                    f"eta/2*{rate}**2 to 'viscous', or declare the coordinate inertial",
                 )
 
     def limit(self, where: str, name: str, interval: Range) -> None:
@@ -404,7 +400,7 @@ def check_initial(declaration: Declaration, name: str, value: object) -> None:
     where = entry_key("initial", name)
     if name not in declaration.places:
         raise DeclarationError(
-            where, "not a part of the state", f"The state is {some(declaration.state)}"
+            where, "not a part of the state", f"The state has the parts {some(declaration.state)}"
         )
     if not is_finite(value):
-        raise DeclarationError(where, "its value is not a finite number", "Give a number")
+        raise DeclarationError(where, "not a finite number", "Give a finite number")

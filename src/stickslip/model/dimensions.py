@@ -1,7 +1,8 @@
 """Whether the units of a declaration agree: term by term, as far as they are declared.
 
 Units are optional, and numbers may hide some (a mass of 1, a 9.81). So a term counts only if every
-name in it has a unit, one of them is a parameter, and its coefficient is a plain one such as 1/2.
+name in it has a unit, one of its factors is a parameter, samples or a table, and its coefficient is
+a plain one such as 1/2. A parameter that was declared as a plain number has no unit that is known.
 What does not agree is a doubt, not an error: nothing that is computed depends on units.
 """
 
@@ -12,6 +13,7 @@ from fractions import Fraction
 from functools import cache
 from math import pi
 
+from stickslip.kept import cached_property
 from stickslip.model.entries.units import agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.model.schema import entry_key
 from stickslip.model.system import System
@@ -42,6 +44,7 @@ class _Check:
         self.where = ""
         self.known: dict[Expr, Unit | None] = {}
         self.at_speed: dict[Expr, Unit | None] = {}
+        self.counting: dict[Expr, bool] = {}
         self.parameters = frozenset(system.parameters)
         time = _declared(system.time_unit)
         self.units: dict[str, Unit | None] = {"t": time}
@@ -50,15 +53,24 @@ class _Check:
         for name in (*system.coordinates, *system.internal):
             self.units.setdefault(f"d_{name}", _over(self.units[name], time))
 
+    @cached_property
+    def measured(self) -> dict[Expr, Expr]:
+        """What stands for a drive that was measured, or its rate, and its name."""
+        found: dict[Expr, Expr] = {}
+        for name in self.system.declaration.given:
+            drive = self.system.declaration.drives[name]
+            found |= {drive: ex.sym(name), ex.derivative(drive, "t"): ex.sym(f"d_{name}")}
+        return {e: name for e, name in found.items() if e.op != "num"}
+
     def doubts(self) -> list[str]:
         d, time = self.system.declaration, self.units["t"]
         energy, label = self.energy()
-        power, as_power = _over(energy, time), f"{label}, over time,"
+        power, as_power = _over(energy, time), f"{label}, divided by time,"
         self.terms("potential", d.potential, energy, label)
         self.terms("kinetic", d.kinetic, energy, label)
         self.terms("viscous", d.dissipation, power, as_power)
         for x, force in d.forces.items():
-            unit, meaning = _over(energy, self.units[x]), f"{label}, over {x},"
+            unit, meaning = _over(energy, self.units[x]), f"{label}, divided by {x},"
             self.terms(f"coordinates.{x}.force", force, unit, meaning)
             if x in d.drags:
                 self.terms(f"coordinates.{x}.drag", d.drags[x], unit, meaning)
@@ -70,7 +82,7 @@ class _Check:
             force = _declared(c.unit)
             meaning = f"the unit of '{c.name}'"
             if force is None:
-                force, meaning = _over(power, slip), f"{as_power} over the relative velocity,"
+                force, meaning = _over(power, slip), f"{as_power} divided by the relative velocity,"
             self.terms(f"{where}.surface_speed", c.speed, slip, "the relative velocity")
             if c.dissipation is not None:
                 continue  # of a factor, and numbers in a formula may have units
@@ -122,12 +134,12 @@ class _Check:
         for where, formula in (("kinetic", d.kinetic), ("potential", d.potential)):
             self.where = where
             for term, unit in self.sure(formula):
-                note(unit, lambda term=term, where=where: f"{ex.to_text(term)} in '{where}'")
+                note(unit, lambda term=term, where=where: f"{self.text(term)} in '{where}'")
         self.where = "viscous"
         for term, unit in self.sure(d.dissipation):
             note(
                 _times(unit, time),
-                lambda term=term: f"{ex.to_text(term)} in 'viscous', times time,",
+                lambda term=term: f"{self.text(term)} in 'viscous', times time,",
             )
         energies = [pair for pair in found if _base(pair[0]) == _base(_of("J"))]
         for unit, label in energies or found:
@@ -142,14 +154,18 @@ class _Check:
             return
         for term, own in self.sure(formula):
             if not _alike(own, unit):
-                self.say(f"{ex.to_text(term)} is in {_text(own)}", meaning, unit)
+                self.say(f"{self.text(term)} is in {_text(own)}", meaning, unit)
 
     def sure(self, formula: Expr) -> Iterator[tuple[Expr, Unit]]:
         """The terms of a formula whose units count."""
         for term, c in _terms(formula):
             unit = self.of(term)
-            if unit is not None and term.symbols & self.parameters and _is_plain(c):
+            if unit is not None and _is_plain(c) and self.counts(term):
                 yield c * term, unit
+
+    def text(self, e: Expr) -> str:
+        """A formula, with the names of drives that were measured."""
+        return ex.to_text(ex.rewrite(e, self.measured.get) if self.measured else e)
 
     def say(self, what: str, other: str, unit: Unit) -> None:
         self.found[f"{self.where}: {what}, but {other} is in {_text(unit)}"] = None
@@ -184,10 +200,45 @@ class _Check:
             case "select":
                 return self.common([(part, 1.0) for part in e.args[1:]])
             case _ if FUNCTIONS[e.op].tabulated:
-                return None
+                return self.tabulated(e)
             case _:
                 self.argument(e)
                 return _NUMBER
+
+    def tabulated(self, e: Expr) -> Unit | None:
+        """What samples or a table are in, if that is declared; a slope or an integral by its
+        argument."""
+        unit, power = FUNCTIONS[e.op].unit
+        if not unit:
+            return None
+        own = _of(unit)
+        return _times(own, self.of(e.args[0]), powers=(1.0, float(power))) if power else own
+
+    def counts(self, e: Expr) -> bool:
+        """Whether something in it has a unit of its own that is no part of the argument of a
+        function: a parameter, samples, a table."""
+        for node in ex.walk([e]):
+            if node not in self.counting:
+                self.counting[node] = self.has_own(node)
+        return self.counting[e]
+
+    def has_own(self, e: Expr) -> bool:
+        match e.op:
+            case "sym":
+                return str(e.value) in self.parameters
+            case "sum" | "prod":
+                return any(self.counting[part] for part, _ in e.terms)
+            case "select":
+                return any(self.counting[part] for part in e.args[1:])
+            case "num" | "pow":
+                return False
+            case _:
+                row = FUNCTIONS[e.op]
+                return row.tabulated and bool(_declared(row.unit[0]))
+
+    def may_hide(self, term: Expr, c: float) -> bool:
+        """Whether a number in front of a term without parameters may stand for one."""
+        return abs(c) != 1.0 and not self.counts(term)
 
     def product(self, powers: Iterable[tuple[Expr, float]]) -> Unit | None:
         powers = list(powers)
@@ -204,11 +255,11 @@ class _Check:
         ]
         for term, c, unit in sure[1:]:
             first, weight, other = sure[0]
-            declared = (term.symbols | first.symbols) & self.parameters
-            if not _alike(unit, other) and declared and not _may_hide(term, c, self.parameters):
-                if not _may_hide(first, weight, self.parameters):
-                    text = f"{ex.to_text(c * term)} is in {_text(unit)}"
-                    self.say(text, ex.to_text(weight * first), other)
+            declared = self.counts(term) or self.counts(first)
+            if not _alike(unit, other) and declared and not self.may_hide(term, c):
+                if not self.may_hide(first, weight):
+                    text = f"{self.text(c * term)} is in {_text(unit)}"
+                    self.say(text, self.text(weight * first), other)
                 return None
         first = sure[0][2] if sure else _NUMBER
         alike = all(unit is not None and _alike(unit, first) for unit in units)
@@ -226,7 +277,7 @@ class _Check:
             wanted = "radians" if FUNCTIONS[e.op].crest is not None else "a number"
             # A wave with pieces is a wave and its pieces.
             if not (FUNCTIONS[e.op].typed and (self.where, unit) in self.taken):
-                text = f"{self.where}: {ex.to_text(x)} is in {_text(unit)}"
+                text = f"{self.where}: {self.text(x)} is in {_text(unit)}"
                 self.found[f"{text}, but {name} takes {wanted}"] = None
             self.taken.add((self.where, unit))
 
@@ -289,8 +340,3 @@ def _is_plain(c: float) -> bool:
         if plain and abs(float(near) - value) <= 1e-12 * abs(value):
             return True
     return False
-
-
-def _may_hide(term: Expr, c: float, parameters: frozenset[str]) -> bool:
-    """Whether a number in front of a term without parameters may stand for one."""
-    return not term.symbols & parameters and abs(c) != 1.0

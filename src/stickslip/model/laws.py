@@ -201,15 +201,15 @@ class FrictionLaw:
 
 _F_C = Parameter(1.0, "N", "friction while sliding", "(0, inf)")
 _F_S = Parameter(1.5, "N", "largest force at rest", "(0, inf)")
-_V_S = Parameter(0.2, "m/s", "speed at which friction falls", "(0, inf)")
+_V_S = Parameter(0.2, "m/s", "speed over which friction decreases", "(0, inf)")
 _K = Parameter(4.0, "N/m", "stiffness before it slides", "(0, inf)")
-_B = Parameter(0.0, "N*s/m", "viscous part: what a unit of speed adds", "[0, inf)")
+_B = Parameter(0.0, "N*s/m", "coefficient of viscous friction", "[0, inf)")
 
 coulomb: FrictionLaw = FrictionLaw(
     "coulomb",
     "Coulomb's friction",
     "Coulomb 1785",
-    "The force is F_c against the motion, whatever the speed, and anything up to F_c at rest.",
+    "The force is F_c against the motion, independent of the speed, and at most F_c at rest.",
     parameters={"F_c": _F_C},
     options={"b": _B},
     threshold="F_c",
@@ -220,7 +220,7 @@ static_kinetic: FrictionLaw = FrictionLaw(
     "static_kinetic",
     "Static above kinetic friction",
     "Coulomb 1785; Popov 2010, chapter 12",
-    "At rest the contact holds F_s; once it slides, the force is F_c.",
+    "The contact holds up to F_s at rest; in slip the force is F_c.",
     parameters={"F_s": _F_S, "F_c": _F_C},
     options={"b": _B},
     threshold="F_s",
@@ -264,7 +264,8 @@ dahl: FrictionLaw = FrictionLaw(
     "dahl",
     "Dahl's solid friction",
     "Dahl 1968, exponent 1",
-    "The force follows the way x alone: dF/dx = k (1 − sgn(u) F/F_c). At rest it stays what it is.",
+    "The force depends on the displacement x only: dF/dx = k (1 − sgn(u) F/F_c). At rest it is "
+    "constant.",
     parameters={"F_c": _F_C, "k": _K},
     internal={"z": Internal("u - abs(u)*k*z/F_c", meaning="deflection")},
     force="k*z",
@@ -274,12 +275,14 @@ bouc_wen: FrictionLaw = FrictionLaw(
     "bouc_wen",
     "Bouc's and Wen's hysteresis",
     "Bouc 1967; Wen 1976; Ikhouane and Rodellar 2005, normalised form",
-    "With w = F/F_c: dw/dx = (k/F_c)(1 − (σ sgn(uw) − σ + 1)|w|ⁿ). A large n makes a sharp "
+    "With w = F/F_c: dw/dx = (k/F_c)(1 − (σ sgn(uw) − σ + 1)|w|ⁿ). A large n gives a sharp "
     "knee; n = σ = 1 is Dahl's law. In Wen's notation A = 1, β + γ = (k/F_c)ⁿ, β = σ(β + γ).",
     parameters={"F_c": _F_C, "k": _K},
     options={
         "n": Parameter(2.0, "", "sharpness of the knee", "[1, inf)"),
-        "sigma": Parameter(0.5, "", "share of β; less would create energy", "[0.5, inf)"),
+        "sigma": Parameter(
+            0.5, "", "β as a fraction of β + γ; smaller values would create energy", "[0.5, inf)"
+        ),
     },
     functions={"w": "k*z/F_c"},
     internal={
@@ -292,12 +295,12 @@ lugre: FrictionLaw = FrictionLaw(
     "lugre",
     "LuGre: bristles on Stribeck's curve",
     "Canudas de Wit, Olsson, Åström and Lischinsky 1995",
-    "Bristles of stiffness sigma_0 are bent by z; steady sliding has the force g(u) + sigma_2 u "
-    "with Stribeck's curve g.",
+    "Bristles of stiffness sigma_0 deflect by z; in steady sliding the force is g(u) + sigma_2 "
+    "u, where g is Stribeck's curve.",
     parameters={
         "F_s": _F_S,
         "F_c": _F_C,
-        "v_s": Parameter(1e-3, "m/s", "speed at which friction falls", "(0, inf)"),
+        "v_s": Parameter(1e-3, "m/s", "speed over which friction decreases", "(0, inf)"),
         "sigma_0": Parameter(1e5, "N/m", "stiffness of the bristles", "(0, inf)"),
         "sigma_1": Parameter(316.2277660168379, "N*s/m", "damping of the bristles", "[0, inf)"),
     },
@@ -315,8 +318,8 @@ elasto_plastic: FrictionLaw = FrictionLaw(
     "elasto_plastic",
     "Elasto-plastic bristles without drift",
     "Dupont, Hayward, Armstrong and Altpeter 2002",
-    "As Dahl's and the LuGre law, but the bristles are purely elastic below a share of F_c, "
-    "so that small loads do not make a body creep; at F_c they slide.",
+    "As Dahl's and the LuGre law, but the bristles are purely elastic below a fraction of F_c, "
+    "so that a body does not creep under small loads; at F_c they slide.",
     parameters={
         "F_c": _F_C,
         "sigma_0": Parameter(4.0, "N/m", "stiffness of the bristles", "(0, inf)"),
@@ -324,7 +327,7 @@ elasto_plastic: FrictionLaw = FrictionLaw(
     options={
         "sigma_1": Parameter(0.0, "N*s/m", "damping of the bristles", "[0, inf)"),
         "sigma_2": Parameter(0.0, "N*s/m", "viscous friction", "[0, inf)"),
-        "elastic": Parameter(0.7, "", "share of F_c below which nothing slides", "(0, 1)"),
+        "elastic": Parameter(0.7, "", "fraction of F_c below which nothing slides", "(0, 1)"),
     },
     functions={
         "share(s)": "piecewise(s < elastic, 0, s < 1, "
@@ -340,8 +343,8 @@ jenkins: FrictionLaw = FrictionLaw(
     "jenkins",
     "Jenkins element: a slider behind a spring",
     "Jenkins 1962",
-    "Elastic with stiffness k up to the force F_c, which it then keeps. As k grows it becomes "
-    "Coulomb's friction.",
+    "Elastic with stiffness k up to the force F_c, then constant. It tends to Coulomb friction "
+    "as k increases.",
     parameters={"F_c": _F_C, "k": _K},
     stiffness="k",
     threshold="F_c",
@@ -349,9 +352,9 @@ jenkins: FrictionLaw = FrictionLaw(
 
 maxwell_slip: FrictionLaw = FrictionLaw(
     "maxwell_slip",
-    "Maxwell slip: some sliders in parallel",
+    "Maxwell slip: several sliders in parallel",
     "Iwan 1966; Lampaert, Swevers and Al-Bender 2002",
-    "Jenkins elements side by side: lists of their stiffnesses k and their forces F_c.",
+    "Jenkins elements in parallel; k and F_c are lists of their stiffnesses and forces.",
     parameters={"F_c": _F_C, "k": _K},
     stiffness="k",
     threshold="F_c",
@@ -362,13 +365,14 @@ iwan: FrictionLaw = FrictionLaw(
     "iwan",
     "Iwan's sliders with distributed strength",
     "Iwan 1966; Segalman 2005 for the power law",
-    "Jenkins elements of equal stiffness k/elements that slide from displacements between 0 and "
-    "phi = F_c/k (2 + chi)/(1 + chi) on, with a density like its power chi. For many elements a "
-    "first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)), all together hold F_c.",
+    "Jenkins elements of equal stiffness k/elements that begin to slide at displacements "
+    "between 0 and phi = F_c/k (2 + chi)/(1 + chi), with a density proportional to the power "
+    "chi of the displacement. With many elements the force of the first loading is k x (1 − "
+    "(x/phi)^(1 + chi)/(2 + chi)); all elements together hold F_c.",
     parameters={"F_c": _F_C, "k": _K},
     options={
         "chi": Parameter(0.0, "", "exponent of the distribution; 0 is uniform", "(-1, inf)"),
-        "elements": Parameter(10, "", "how many sliders", "[1, 1000]"),
+        "elements": Parameter(10, "", "number of sliders", "[1, 1000]"),
     },
     functions={"phi": "F_c/k*(2 + chi)/(1 + chi)"},
     stiffness="k/elements",
@@ -377,12 +381,13 @@ iwan: FrictionLaw = FrictionLaw(
 
 table: FrictionLaw = FrictionLaw(
     "table",
-    "Points of the sliding force over the speed",
+    "Sliding force given at points of the speed",
     "a measurement",
-    "Between the points (v, F) the force is that of a table, whose kind may be given (linear, "
-    "pchip, cubic); slower than the slowest it is the force there, faster than the fastest it is "
-    "not known, unless outside says what it is. Points at negative speeds are those of sliding "
-    "back, with negative forces. At rest it holds N F_s; a list gives F_s forward and backward.",
+    "Between the points (v, F) the force is interpolated by a table of the given kind (linear, "
+    "pchip, cubic). Below the lowest speed it is constant; above the highest speed it is "
+    "undefined, unless 'outside' extrapolates. Negative speeds are for sliding backward, with "
+    "negative forces. At rest the contact holds N F_s; give a list for different values forward "
+    "and backward.",
     parameters={
         "F_s": _F_S,
         "v": Parameter(1.0, "m/s", "speeds of the points, a list"),
@@ -399,7 +404,7 @@ table: FrictionLaw = FrictionLaw(
 _RATE_AND_STATE = {
     "a": Parameter(0.010, "", "direct effect", "(0, inf)"),
     "b": Parameter(0.015, "", "evolution effect", "[0, inf)"),
-    "D_c": Parameter(1e-5, "m", "slip in which the state changes", "(0, inf)"),
+    "D_c": Parameter(1e-5, "m", "slip distance over which the state evolves", "(0, inf)"),
     "N": Parameter(1.0, "N", "normal force", "[0, inf)"),
 }
 _REFERENCE = {
@@ -414,9 +419,10 @@ rate_and_state: FrictionLaw = FrictionLaw(
     "rate_and_state",
     "Rate-and-state friction, ageing law",
     "Dieterich 1979; Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
-    "Friction grows with the logarithm of the rate at once, and falls over the slip D_c as the "
-    "state theta forgets the time of contact: in steady sliding by (b − a) ln(u/v_0). It starts "
-    "in the state of steady sliding at v_0. A coordinate without mass may have it.",
+    "Friction increases at once with the logarithm of the rate, and then decreases over the "
+    "slip D_c as the state theta evolves; in steady sliding the net decrease is (b − a) "
+    "ln(u/v_0). The initial state is that of steady sliding at v_0. The law can act on a "
+    "coordinate without mass.",
     parameters=_RATE_AND_STATE,
     options=_REFERENCE,
     internal={"theta": Internal("1 - abs(u)*theta/D_c", "s", "state")},
@@ -429,8 +435,8 @@ rate_and_state_slip: FrictionLaw = FrictionLaw(
     "rate_and_state_slip",
     "Rate-and-state friction, slip law",
     "Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
-    "As the ageing law, but the state changes with slip alone: theta' = −Ω ln Ω, Ω = uθ/D_c. "
-    "Where the rate passes through zero this has no finite slope: a motion ends there by name.",
+    "As the ageing law, but the state evolves with slip only: theta' = −Ω ln Ω, Ω = uθ/D_c. At "
+    "zero rate the slope is infinite, and the motion ends there.",
     parameters=_RATE_AND_STATE,
     options=_REFERENCE,
     functions={"Omega": "abs(u)*theta/D_c"},
@@ -442,13 +448,13 @@ rate_and_state_slip: FrictionLaw = FrictionLaw(
 
 rate_and_state_cutoff: FrictionLaw = FrictionLaw(
     "rate_and_state_cutoff",
-    "Rate-and-state friction that stops falling at high rates",
+    "Rate-and-state friction with a cut-off at high rates",
     "Okubo 1989; Weeks 1993",
-    "The ageing law with a cut-off: ln(v_0θ/D_c) becomes ln(v_0/v_c + v_0θ/D_c), so that in steady "
-    "sliding faster than v_c friction grows again.",
+    "The ageing law with a cut-off: ln(v_0θ/D_c) becomes ln(v_0/v_c + v_0θ/D_c), so that in "
+    "steady sliding faster than v_c friction increases again.",
     parameters={
         **_RATE_AND_STATE,
-        "v_c": Parameter(1e-5, "m/s", "rate of the cut-off", "(0, inf)"),
+        "v_c": Parameter(1e-5, "m/s", "cut-off rate", "(0, inf)"),
     },
     options=_REFERENCE,
     internal={"theta": Internal("1 - abs(u)*theta/D_c", "s", "state")},
@@ -483,7 +489,7 @@ def by_name(name: str, where: str = "laws") -> FrictionLaw:
     if not added:
         raise DeclarationError(
             where,
-            f"there is no law '{short(name)}'",
+            f"unknown law '{short(name)}'",
             suggestion(name.replace("-", "_").lower(), all_names()),
         )
     return _loaded(added[0])
@@ -502,6 +508,7 @@ def _loaded(entry: EntryPoint) -> FrictionLaw:
         raise StickslipError(f"law {entry.name}: {reason}") from None
     if not isinstance(law, FrictionLaw) or law.name != entry.name:
         raise StickslipError(
-            f"law {entry.name}: {entry.value} is no FrictionLaw of that name. Name them alike"
+            f"law {entry.name}: {entry.value} is not a FrictionLaw of that name. Use the same "
+            "name for both"
         )
     return law

@@ -45,12 +45,12 @@ class Range:
     def check(self, value: object, where: str) -> None:
         """Refuse what is not a number, or outside."""
         if not is_finite(value):
-            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+            raise DeclarationError(where, "not a finite number", "Give a finite number")
         if value not in self:
             raise DeclarationError(
                 where,
                 f"{value:g} is outside the admissible range {self.text}",
-                "Choose a value inside",
+                "Choose a value in this range",
             )
 
 
@@ -136,8 +136,8 @@ class DeclaredNames:
             if parse_signature(name, where)[1]:
                 raise DeclarationError(
                     where,
-                    "an output has no arguments",
-                    "Put it under 'functions', or name it alone",
+                    "an output cannot have arguments",
+                    "Move it to 'functions', or give a name only",
                 )
             check_unit(output.unit, f"{where}.unit")
 
@@ -161,7 +161,7 @@ def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float)
                 entry_key("drives", name),
                 f"the samples cover {first:.9g} ... {last:.9g}, the time span is {start:.9g} "
                 f"... {stop:.9g}",
-                "Shorten the span, give more samples, or let them be periodic",
+                "Shorten the span, give more samples, or declare them periodic",
             )
 
 
@@ -172,8 +172,6 @@ def parts_left_out(
 
     Parameters
     ----------
-    drives : mapping of str to TimeFunction
-    start, stop : float
     unit : str
         Of the time.
     """
@@ -197,7 +195,6 @@ def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[
 
     Parameters
     ----------
-    model : System or EvolutionModel
     given : mapping of str to float or formula
         A parameter's name with its value, or the name of a function with its formula.
     sections : tuple of str
@@ -224,7 +221,7 @@ def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[
                 raise DeclarationError(
                     f"parameters.{name}",
                     f"'{short(str(value))}' is not a finite number",
-                    "Give a number",
+                    "Give a finite number",
                 )
             parameters[name] = replace(parameters[name], default=float(value))
         elif name in homes:
@@ -233,7 +230,7 @@ def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[
         else:
             raise DeclarationError(
                 data.name,
-                f"there is no parameter or function '{short(name)}'",
+                f"unknown parameter or function '{short(name)}'",
                 suggestion(name, [*parameters, *homes]),
             )
     return replace(data, parameters=parameters, **functions)

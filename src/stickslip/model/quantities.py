@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import made_once
 from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import (
     UnitPowers,
@@ -25,6 +26,7 @@ from stickslip.model.entries.units import (
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 FORCES = {
     "friction": "friction force of",
@@ -51,7 +53,6 @@ def quantity(system: System, name: str) -> dict[str, str]:
 
     Parameters
     ----------
-    system : System
     name : str
         ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an
         acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
@@ -123,11 +124,6 @@ def _in_formulas(system: System, name: str) -> dict[str, str]:
 def quantity_or_formula(system: System, text: str) -> dict[str, str]:
     """The same of a formula of quantities, too, whose meaning is the formula itself.
 
-    Parameters
-    ----------
-    system : System
-    text : str
-
     Raises
     ------
     DeclarationError
@@ -150,7 +146,6 @@ def of_modes(
     ----------
     rows : mapping of str to mapping
         See :attr:`System.unknowns`.
-    values : mapping of str to array
     """
     found: dict[str, Array] = {}
     for name, row in rows.items():
@@ -233,7 +228,12 @@ def energy_unit(system: System) -> str | None:
     A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their
     dimension decide; among equal units the one with the fewest factors is taken.
     """
-    system = system.plain
+    plain = system.plain
+    # Every force and every amplitude of a mode asks for it, and a structure has many.
+    return made_once(plain, "energy unit", lambda: _energy_unit_of(plain))
+
+
+def _energy_unit_of(system: System) -> str | None:
     declared = [
         *system.parameters.values(),
         *system.coordinates.values(),
@@ -276,23 +276,52 @@ def _terms(formula: Expr) -> list[Expr]:
 
 
 def _unit_of(system: System, formula: Expr) -> UnitPowers:
-    """The unit of a formula by those of the names in it; a sum has that of its first term, a
-    function none."""
+    """The unit of a formula by those of the names in it."""
+
+    def unit(name: str) -> str:
+        return "" if name == "speed" else _in_formulas(system, name).get("units", "")
+
+    return _unit_from(formula, unit)
+
+
+def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
+    """The unit of a formula: a sum has that of a term in which nothing is of an unknown unit, a
+    function none.
+
+    Parameters
+    ----------
+    unit : callable
+        The unit of a name.
+    """
     match formula.op:
         case "sym":
-            name = str(formula.value)
-            if name == "speed":
-                return {}
-            return factors(_in_formulas(system, name).get("units", ""))
+            return factors(unit(str(formula.value)))
         case "sum":
-            return {} if formula.value else _unit_of(system, formula.terms[0][0])
+            known = [(term, c) for term, c in formula.terms if _is_known(term)]
+            if not known or formula.value:
+                return {}
+            # A number in front of a term may hide a unit, in front of a time a speed.
+            shown, _ = min(
+                known, key=lambda e: ("t" in e[0].symbols, abs(e[1]) != 1.0, ex.to_text(e[0]))
+            )
+            return _unit_from(shown, unit)
         case "prod":
-            return unit_product(*((_unit_of(system, base), power) for base, power in formula.terms))
+            return unit_product(*((_unit_from(base, unit), power) for base, power in formula.terms))
         case "select":
             shown = next((part for part in formula.args[1:] if part.op != "num"), formula.args[1])
-            return _unit_of(system, shown)
+            return _unit_from(shown, unit)
+        case op if op in FUNCTIONS and FUNCTIONS[op].tabulated:
+            own, power = FUNCTIONS[op].unit
+            over = _unit_from(formula.args[0], unit) if own and power else {}
+            return unit_product((factors(own), 1), (over, power))
         case _:
             return {}
+
+
+def _is_known(formula: Expr) -> bool:
+    """Whether no samples and no table stand in it whose unit is not declared."""
+    tables = (FUNCTIONS[e.op] for e in ex.walk([formula]) if e.op in FUNCTIONS)
+    return all(row.unit[0] or row.sampled for row in tables if row.tabulated)
 
 
 def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
@@ -309,7 +338,15 @@ def described(system: System, text: str) -> dict[str, str]:
     """Unit and meaning of a named measure, such as ``amplitude:psi``."""
     name, _, of = text.partition(":")
     meaning, unit = MEANINGS.get(name, (name.replace("_", " "), _none))
+    if name == "stick_fraction":
+        return described_as(f"{meaning} of {_who_sticks(system, of)}", unit(system, of))
     return described_as(f"{meaning} ({of})" if of else meaning, unit(system, of))
+
+
+def _who_sticks(system: System, of: str) -> str:
+    """The contact whose stick fraction it is: the one that is named, or the only one."""
+    known = list(system.rubbing)
+    return of or (known[0] if len(known) == 1 else "all contacts")
 
 
 def _none(system: System, of: str) -> str:
@@ -363,12 +400,23 @@ def formula_unit(system: System, formula: Expr) -> str:
     return unit_text(_unit_of(system.plain, formula))
 
 
+def unit_of_measures(system: System, formula: Expr) -> str:
+    """The unit of a formula of named measures, parameters and parts of the state."""
+    own = {*system.parameters, *system.declaration.state}
+
+    def unit(name: str) -> str:
+        found = quantity(system, name) if name in own else described(system, name)
+        return found.get("units", "")
+
+    return unit_text(_unit_from(formula, unit))
+
+
 MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "period": ("period", _time),
     "amplitude": ("amplitude", _component),
     "speed": ("mean speed", _speed),
-    "stick_fraction": ("share of the time in stick", _none),
-    "energy_per_cycle": ("energy dissipated in a cycle", _work),
+    "stick_fraction": ("stick fraction", _none),
+    "energy_per_cycle": ("energy dissipated per cycle", _work),
     "energy_per_distance": ("energy dissipated per distance", _per_distance),
     "cost_of_transport": ("energy per distance and weight", _none),
     "harmonic": ("amplitude of the first harmonic", _quantity),
@@ -377,12 +425,12 @@ MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "peak_force": ("largest friction force", _force),
     "mean_force": ("mean friction force", _force),
     "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),
-    "switches": ("switches in a cycle", _none),
+    "switches": ("switches per cycle", _none),
     "mean": ("mean", _quantity),
-    "low": ("least value", _component),
+    "low": ("smallest value", _component),
     "high": ("largest value", _component),
-    "shift": ("shift in the time that was measured", _component),
-    "state": ("state where the motion has settled", _component),
-    "time": ("time at which the motion is there", _time),
-    "duration": ("time that was measured", _time),
+    "shift": ("shift over the measured time", _component),
+    "state": ("state at which the motion has settled", _component),
+    "time": ("time of that state", _time),
+    "duration": ("duration of the measurement", _time),
 }

@@ -20,7 +20,7 @@ from stickslip.model.entries.checks import (
     terms_by_guard,
 )
 from stickslip.model.entries.declared import CROSSINGS, Kind
-from stickslip.model.entries.keys import normal_force
+from stickslip.model.entries.keys import NORMAL, normal_force
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, measured_drives
 from stickslip.model.schema import check_shape, entry_key
@@ -57,7 +57,9 @@ def declare(system: System) -> Declaration:
     except ArithmeticError:
         # Single formulas are checked one by one; this is for two that are too large only together.
         raise DeclarationError(
-            system.name, "its numbers are too large", "Check large numbers and exponents"
+            system.name,
+            "it contains numbers that are too large",
+            "Check large numbers and exponents",
         ) from None
     return reader.result
 
@@ -67,7 +69,6 @@ class DeclarationReader:
 
     Attributes
     ----------
-    system : System
     result : Declaration
         What has been read so far.
     constants, state, velocities, rates, inertia : dict of str to Expr
@@ -85,7 +86,9 @@ class DeclarationReader:
     def names(self) -> None:
         system, result = self.system, self.result
         if not system.name.strip():
-            raise DeclarationError("name", "the system has no name", "Give it a short name")
+            raise DeclarationError(
+                "name", "the name of the system is missing", "Give the system a short name"
+            )
         names = DeclaredNames(ranges=result.ranges)
         names.parameters(system.parameters)
         kinds = dict(
@@ -111,7 +114,8 @@ class DeclarationReader:
             raise DeclarationError(
                 "coordinates",
                 "the system has no coordinates and no internal variables",
-                "Declare at least one, where all moves as given an internal variable with law 1",
+                "Declare at least one coordinate; if all motion is prescribed, declare an "
+                "internal variable with law = 1",
             )
         check_unit(system.time_unit, "time_unit")
         start, stop = system.span
@@ -139,21 +143,24 @@ class DeclarationReader:
         everything = [*self.state, *self.rates, "speed"]
         vectors = {name: v for name, v in self.indexed.items() if v.symbols <= names.keys()}
         forbidden = {n: why for n in (*everything, *self.indexed) if n not in names}
-        whole = {n: f"Name one of its unknowns, like {n}[0]" for n in vectors}
+        whole = {n: f"Name one of its components, like {n}[0]" for n in vectors}
         return Scope(names, self.definitions, forbidden | whole, vectors=vectors)
 
     def energy(self) -> None:
         system, result = self.system, self.result
-        self.static = self.scope(why="Only parameters may stand here")
-        self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
+        self.static = self.scope(why="Use parameters only")
+        self.clock = self.scope({"t": self.state["t"]}, why="Use t and parameters only")
         self.place = self.scope(
-            self.state, why="Only t, coordinates, internal variables and parameters may stand here"
+            self.state, why="Use t, coordinates, internal variables and parameters only"
         )
         self.motion = self.scope(
-            self.state, self.velocities, why="Only rates of inertial coordinates may stand here"
+            self.state, self.velocities, why="Use rates of inertial coordinates only"
         )
         self.anywhere = self.scope(
-            self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
+            self.state,
+            self.rates,
+            {"speed": ex.sym("speed")},
+            why="Use t, coordinates and rates only",
         )
         for name, table in system.tables.items():
             for i, text in table.formulas.items():
@@ -169,7 +176,8 @@ class DeclarationReader:
         speeds = self.scope(
             self.inertia,
             self.velocities,
-            why="The kinetic energy uses t, inertial coordinates, their rates and parameters",
+            why="The kinetic energy may depend on t, inertial coordinates, their rates and "
+            "parameters",
         )
         result.kinetic = speeds.parse(system.kinetic, "kinetic")
         check_slopes(result.kinetic, [*self.inertia, *self.velocities], "kinetic", 2)
@@ -180,7 +188,7 @@ class DeclarationReader:
             if q not in heavy:
                 raise DeclarationError(
                     f"coordinates.{q}",
-                    "an inertial coordinate without mass",
+                    "an inertial coordinate needs a mass",
                     f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent",
                 )
         result.start = self.start
@@ -191,7 +199,8 @@ class DeclarationReader:
         smooth = {k: v for k, v in self.rates.items() if k[2:] not in result.rate_independent}
         scope = self.scope(
             smooth,
-            why="The viscous part uses rates of inertial and viscous coordinates and parameters",
+            why="The viscous part may depend on rates of inertial and viscous coordinates, and "
+            "parameters",
         )
         result.dissipation = scope.parse(system.viscous, "viscous")
         result.damping = quadratic_form(
@@ -202,7 +211,7 @@ class DeclarationReader:
             if (z, z) not in result.damping:
                 raise DeclarationError(
                     f"coordinates.{z}",
-                    "a viscous coordinate without viscous friction",
+                    "a viscous coordinate needs viscous friction",
                     f"Add nu/2*d_{z}**2 to 'viscous', give it a drag, or declare it "
                     "rate-independent",
                 )
@@ -230,7 +239,7 @@ class DeclarationReader:
                 self.state,
                 self.velocities,
                 {rate: ex.sym(rate)},
-                why=f"A drag uses {rate} and rates of inertial coordinates",
+                why=f"A drag may depend on {rate} and rates of inertial coordinates",
             )
             drag = scope.parse(system.coordinates[z].drag, where)  # type: ignore[union-attr]
             if drag is ex.ZERO:
@@ -248,9 +257,8 @@ class DeclarationReader:
             if others:
                 raise DeclarationError(
                     where,
-                    f"'viscous' joins d_{z} to d_{others[0]}",
-                    "Couple a coordinate with a drag to other viscous ones by springs, or give it "
-                    "mass",
+                    f"'viscous' couples d_{z} to d_{others[0]}, but '{z}' has a drag",
+                    "Couple it to other viscous coordinates by springs, or declare it inertial",
                 )
         result.viscous.sort(key=lambda z: z in result.drags)
         for z in result.resisted:
@@ -270,8 +278,8 @@ class DeclarationReader:
                 if guard in self.motion.jumping and jumps and min(jumps) > 0.0:
                     raise DeclarationError(
                         where,
-                        f"'{self.motion.jumping[guard]}' makes a force that jumps against {rate}: "
-                        "that is dry friction, which may be anything between while nothing slides",
+                        f"'{self.motion.jumping[guard]}' makes a force that jumps against "
+                        f"{rate}: this is dry friction, whose force at rest is set-valued",
                         f"Declare a contact with a direction like '{rate}' and a threshold",
                     )
 
@@ -282,9 +290,9 @@ class DeclarationReader:
                 if any(jumps_through(part, guard, x, self.start, self.constants)):
                     raise DeclarationError(
                         "potential",
-                        f"the energy jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so "
-                        "that the force would be infinite",
-                        "Make it continuous, or write the force that jumps under 'force'",
+                        f"the energy jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, "
+                        "which would be an infinite force",
+                        "Make it continuous, or declare a discontinuous force under 'force'",
                     )
 
     def check_steps(self, where: str, formula: Expr) -> None:
@@ -295,8 +303,8 @@ class DeclarationReader:
                 if any(jumps_through(part, guard, x, self.start, self.constants)):
                     raise DeclarationError(
                         where,
-                        f"it jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so that "
-                        "velocities would have to jump",
+                        f"it jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so "
+                        "velocities would jump as well",
                         "Make it continuous",
                     )
 
@@ -310,17 +318,17 @@ class DeclarationReader:
                 others = ", ".join(f"{n} = {at[n]:g}" for n in sorted(at.keys() & self.state))
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
-                    f"the resistance is undefined at the start, at d_{name} = {v:g}"
+                    f"the resistance is undefined at the initial state with d_{name} = {v:g}"
                     + (f", {others}" if others else ""),
-                    "Declare initial values at which it is a number",
+                    "Declare initial values at which it is defined",
                 )
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
             # Refused is what feeds energy in for sure, not for rounding.
             if high < 0.0 if v > 0.0 else low > 0.0:
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
-                    f"the resistance feeds energy in at d_{name} = {v:g}",
-                    "A drag has v*f(v) >= 0; put other forces under 'force'",
+                    f"the resistance creates energy at d_{name} = {v:g}",
+                    "A drag f(v) must satisfy v*f(v) >= 0; declare other forces under 'force'",
                 )
 
     def contacts(self) -> None:
@@ -328,7 +336,7 @@ class DeclarationReader:
 
     def laws(self) -> None:
         scope = self.scope(
-            self.state, self.rates, why="The speed of a contact is known to its kinetic law only"
+            self.state, self.rates, why="'speed' is available in the kinetic law of a contact only"
         )
         state = frozenset(self.result.state)
         for name, internal in self.system.internal.items():
@@ -342,26 +350,27 @@ class DeclarationReader:
         taken: dict[tuple[Expr, int], str] = {}
         for name, jump in self.system.jumps.items():
             where = entry_key("jumps", name)
-            guard = self.motion.parse(jump.when, f"{where}.when")
+            guard = self._of_state(jump.when, f"{where}.when")
             check_slopes(guard, felt, f"{where}.when")
             if not guard.symbols & felt:
                 raise DeclarationError(
                     f"{where}.when",
-                    "it depends neither on the state nor on time, so that it never passes through "
-                    "zero",
-                    "Write what vanishes where the state jumps, such as 'x - 1'",
+                    "it depends neither on the state nor on time, so it cannot cross zero",
+                    "Give a formula that is zero where the state jumps, such as 'x - 1'",
                 )
             if not jump.to:
                 raise DeclarationError(
-                    f"{where}.to", "nothing jumps", 'Give new values, like {d_x = "-d_x"}'
+                    f"{where}.to",
+                    "the jump has no new values",
+                    'Give new values, like {d_x = "-d_x"}',
                 )
             direction = CROSSINGS[jump.direction]
             for way in (-1, 1) if direction == 0 else (direction,):
                 if (guard, way) in taken:
                     raise DeclarationError(
                         f"{where}.when",
-                        f"'{short(taken[guard, way])}' jumps there, too",
-                        "Give all new values in one jump, or one of them another direction",
+                        f"the jump '{short(taken[guard, way])}' has the same guard and direction",
+                        "Combine them into one jump, or change the direction of one of them",
                     )
                 taken[guard, way] = name
             values = {x: self._landing(f"{where}.to", x, value) for x, value in jump.to.items()}
@@ -375,7 +384,7 @@ class DeclarationReader:
             if name.startswith("d_") and massless:
                 raise DeclarationError(
                     entry_key(where, name),
-                    f"the rate of '{name[2:]}', which has no inertia, follows from the forces",
+                    f"'{name[2:]}' has no inertia, so its rate is determined by the forces",
                     f"Let '{name[2:]}' jump, or declare it inertial",
                 )
             raise DeclarationError(
@@ -383,7 +392,67 @@ class DeclarationReader:
                 "not a part of the state",
                 suggestion(name, result.state),
             )
-        return self.motion.parse(value, entry_key(where, name))
+        return self._of_state(value, entry_key(where, name))
+
+    def _of_state(self, text: object, where: str) -> Expr:
+        """A formula of the state in which what results show may stand, too, if the state alone says
+        what it is."""
+        try:
+            return self.shown.parse(text, where)
+        except DeclarationError as error:
+            used = error.where.removeprefix("outputs.")
+            if used == error.where or used not in self.system.outputs:
+                raise
+            raise DeclarationError(
+                where, f"it uses the output '{used}', in which {error.reason}", error.remedy
+            ) from None
+
+    @cached_property
+    def shown(self) -> Scope:
+        """Formulas of the state, and of gaps, relative velocities, thresholds and the energy where
+        they are functions of it. Forces follow from what sticks, which one event may change."""
+        from stickslip.model.quantities import contact_key
+
+        result = self.result
+        found = {"energy": ex.add((result.potential, 1.0), (result.moving_energy, 1.0))}
+        forces = {f"dd_{q}" for q in result.inertial}
+        for c in result.contacts:
+            key = contact_key(c.side_of or c.name)
+            if c.opens:
+                forces.add(key if not c.side_of else f"{NORMAL}{key}")
+                if not c.side_of and c.gap is not None:
+                    found[f"gap_{key.removeprefix(NORMAL)}"] = c.gap
+                continue
+            forces.add(f"friction_{key}")
+            rates = [(weight * ex.sym(f"d_{x}"), 1.0) for x, weight in c.direction.items()]
+            found[f"slip_speed_{key}"] = ex.add(*rates, (c.speed, -1.0))
+            if not c.plane:
+                found |= {f"threshold_plus_{key}": c.plus, f"threshold_minus_{key}": c.minus}
+        known = self.motion.names.keys()
+        names = {name: e for name, e in found.items() if e.symbols <= known}
+        of_state = (
+            "It follows from the forces, and so from which contacts stick, not from the state "
+            "alone. Write the force of a spring that carries it, like k*(x - y), or let a contact "
+            "hold it up to its threshold"
+        )
+        summed = "It is summed up along the motion: declare an internal variable with its power"
+        modes = (
+            "A mode passes through no zero: give a formula that does, such as a relative velocity"
+        )
+        forbidden = {
+            **self.motion.forbidden,
+            **{f"mode_{contact_key(c.name)}": modes for c in result.contacts},
+            **dict.fromkeys(forces | (found.keys() - names.keys()), of_state),
+            **dict.fromkeys(("dissipated_energy", "supplied_energy"), summed),
+        }
+        # What is declared has its name first.
+        own = {*self.motion.names, *self.definitions}
+        return Scope(
+            {**{name: e for name, e in names.items() if name not in own}, **self.motion.names},
+            self.definitions,
+            forbidden,
+            vectors=self.motion.vectors,
+        )
 
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
@@ -406,7 +475,7 @@ class DeclarationReader:
             where = entry_key("outputs", name)
             if name in result.published or name.startswith("mode_") or name == "time":
                 raise DeclarationError(
-                    where, "results show something of this name", "Choose another name"
+                    where, "results already have a quantity of this name", "Choose another name"
                 )
             result.outputs[name] = result.results.parse(name, where)
 
@@ -418,8 +487,8 @@ class DeclarationReader:
             if name not in result.coordinates or not is_finite(weight):
                 raise DeclarationError(
                     entry_key("translation", name),
-                    "not a coordinate with a number",
-                    "Name coordinates, like x = 1",
+                    "not a coordinate with a finite number",
+                    "Give a coordinate and a number, like x = 1",
                 )
         self._check_translation()
 
@@ -476,8 +545,8 @@ class DeclarationReader:
                 ):
                     raise DeclarationError(
                         "translation",
-                        f"the shift changes {where}",
-                        "Remove it, or correct the direction",
+                        f"{where} is not invariant under this translation",
+                        "Remove the translation, or correct its direction",
                     )
 
     @cached_property

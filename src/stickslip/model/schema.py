@@ -28,7 +28,7 @@ PLANAR = (
 )
 """What to do instead of one direction that is no linear combination of rates."""
 _EXPECTED = {
-    "str": ("a text", 'Write it in quotes, like "N/m"'),
+    "str": ("a string", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
     "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
     "Drive": (
@@ -36,37 +36,37 @@ _EXPECTED = {
         'Write "V*t", or {file = "base.csv", time = "t", value = "a"}',
     ),
     "Formula | tuple[Formula, Formula]": (
-        "a formula or a pair of them",
+        "a formula or a pair of formulas",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
     "SurfaceSpeed": (
-        "a formula, or a pair of them",
-        'Write "V"; of a contact in a plane both components, like ["V", 0]',
+        "a formula or a pair of formulas",
+        'Write "V", or both components for a contact in a plane, like ["V", 0]',
     ),
     "Axes": ("two or three half axes", "Write it like [1.0, 0.6]"),
     "Direction | tuple[Direction, ...]": (
-        "a linear combination of rates, or two or three of them",
-        "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
-        "like ['d_x', 'd_y'], a face that turns three, like ['d_x', 'd_y', 'd_phi']",
+        "one to three linear combinations of rates",
+        "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, like "
+        "['d_x', 'd_y'], a face that rotates has three, like ['d_x', 'd_y', 'd_phi']",
     ),
     "Dissipating": (
         "a formula of the velocity",
         "Write it like 'sqrt(v1**2 + 4*v2**2)', or give an Ellipsoid or a SupportFormula",
     ),
-    "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
-    "ImpactLaw": ("a law of impacts", 'Write "together" or "in turn"'),
+    "Passing": ("a direction of zero crossing", 'Write "falling", "rising" or "both"'),
+    "ImpactLaw": ("an impact law", 'Write "together" or "in turn"'),
     "Direction": ("one linear combination of rates", PLANAR),
     "Direction | tuple[Direction, Direction]": (
-        "a linear combination of rates, or a pair of them",
+        "a linear combination of rates, or a pair",
         "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
         "like ['d_x', 'd_y']",
     ),
     "Formula | tuple[Formula, ...]": (
-        "a formula or a list of them",
+        "a formula or a list of formulas",
         'Write "mu*m*g", or [1.0, "2*F"] for several elements',
     ),
-    "FormulaTable": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
-    "int": ("a whole number", "Write it without quotes, like 40"),
+    "FormulaTable": ("a formula or lists of formulas", 'Write "k*t", or ["sin(t)", "2*t"]'),
+    "int": ("an integer", "Write it without quotes, like 40"),
     "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
     "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
     "AnyStructure": (
@@ -88,7 +88,7 @@ _EXPECTED = {
     ),
     "table": (
         "a table",
-        "Write it like {name = value} or Parameter(1.0), as for any other entry of its section",
+        "Write it like {name = value} or Parameter(1.0), as for the other entries of this section",
     ),
 }
 """What a field of a declaration holds, by its annotation, and how that is written."""
@@ -134,12 +134,12 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
         if len(value) > _MOST_ENTRIES:
             raise DeclarationError(
                 where,
-                f"it has {len(value)} entries (at most {_MOST_ENTRIES})",
+                f"{len(value)} entries were given (at most {_MOST_ENTRIES})",
                 "Declare a smaller system",
             )
         for name, entry in value.items():
             if not isinstance(name, str):
-                raise DeclarationError(where, "a key is not a text", "Use names as keys")
+                raise DeclarationError(where, "a key is not a string", "Use names as keys")
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
     elif kind == "Any":
         return
@@ -214,7 +214,7 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
         "dict": "a table",
         "list": f"a list of {len(value)}" if isinstance(value, list) else "",
         "tuple": f"a list of {len(value)}" if isinstance(value, tuple) else "",
-        "str": "a text",
+        "str": "a string",
         "bool": "true or false",
     }
     kind = type(value).__name__

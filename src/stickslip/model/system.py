@@ -92,7 +92,7 @@ def is_span_given(span: tuple[float, float]) -> bool:
 class System:
     """A system declared by its energy and its dissipation potential.
 
-    A formula is a number or a text of numbers, names, ``pi``, ``+ - * / **``, brackets and the
+    A formula is a number or a string of numbers, names, ``pi``, ``+ - * / **``, brackets and the
     functions of :data:`~stickslip.symbolic.functions.FUNCTIONS` (exp, sin, erf, ...) and
     :data:`~stickslip.symbolic.pieces.STRUCTURES` (sqrt, abs, floor, triangle, ...), and piecewise.
 
@@ -105,46 +105,47 @@ class System:
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
     tables : mapping of str to Table
-        Measured curves and surfaces, functions in formulas by their names.
+        Measured curves and surfaces, available as functions in formulas.
     drives : mapping of str to formula or Samples
         Given functions of time, such as ``{"ell": "V*t"}``, or measured ones.
     coordinates : mapping of str to Coordinate
-        The rate of coordinate ``x`` is called ``d_x``.
+        The rate of coordinate ``x`` is named ``d_x``.
     structures : mapping of str to Structure
-        Bodies by their matrices. Of one that is called u, formulas may name unknowns ``u[3]`` or
-        ``u[tip]`` and rates ``d_u[tip]``.
+        Bodies given by matrices. For a structure named u, formulas may use degrees of freedom
+        ``u[3]`` or ``u[tip]`` and rates ``d_u[tip]``.
     forces : mapping of str to formula
-        Non-potential forces on unknowns of structures, such as ``{"u[tip]": "F*cos(omega*t)"}``.
+        Non-potential forces on degrees of freedom of structures, such as ``{"u[tip]":
+        "F*cos(omega*t)"}``.
     internal : mapping of str to Internal or Sampled
     kinetic, potential, viscous : formula
         Kinetic energy T(q, q̇, t), at most quadratic in the rates of inertial coordinates; potential
         Φ(t, x, α); the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
-        Or to a friction law with a name, such as ``ss.laws.stribeck("d_x", ...)``.
+        Or a named friction law, such as ``ss.laws.stribeck("d_x", ...)``.
     impacts : {"together", "in turn"}
-        What contacts do that close at once. By default the impulses of all of them obey Newton's
-        and Coulomb's laws together: two balls of equal mass that touch fly off together when a
-        third one strikes them. In turn, only the contact whose approach carries the most kinetic
-        energy has an impact, then the next one, until none approaches: then the last ball alone
-        flies off, as in Newton's cradle.
+        Treatment of contacts that close at the same time. By default their impulses satisfy
+        Newton's and Coulomb's laws simultaneously: two touching balls of equal mass move off
+        together when a third one hits them. With ``"in turn"``, impacts occur sequentially, first
+        at the contact whose approach has the most kinetic energy, until no contact approaches: then
+        only the last ball moves off, as in Newton's cradle.
     jumps : mapping of str to Jump
         Where the state jumps.
     translation : mapping of str to float
-        A direction in which the whole system may be shifted.
+        A direction of translation under which the system is invariant.
     initial : mapping of str to float
         Default initial values of coordinates, rates of inertial coordinates, internal variables,
         unknowns of structures and their rates (else 0).
     span : (float, float)
-        Default time span; if it is left out, from 0 to 100, or, where drives are samples that end,
-        what all of these cover. A :class:`DefaultSpan` is left out, too.
+        Default time span; if omitted, from 0 to 100 or, if drives are samples that end, the span
+        that all of them cover. A :class:`DefaultSpan` counts as omitted.
     time_unit : str
     conditions : mapping of str to Condition
-        What is known to be necessary, by name.
+        Necessary conditions, by name.
     facts : mapping of str to formula
         Closed-form facts, formulas of the parameters (such as X, ψ₂ of the rocking toy).
     outputs : mapping of str to Output or formula
-        Quantities that results show, such as ``{"tip": "u[tip] - u[root]"}``. Other formulas may
-        use them by name, where what they are made of may stand.
+        Additional quantities of results, such as ``{"tip": "u[tip] - u[root]"}``. Other formulas
+        may use them by name, wherever their own names are allowed.
 
     Raises
     ------
@@ -205,7 +206,7 @@ class System:
 
     @property
     def written_structures(self) -> Mapping[str, InModes]:
-        """What is left of structures where the system is written out."""
+        """The structures in the expanded system."""
         return cast("Mapping[str, InModes]", self.plain.structures)
 
     @cached_property
@@ -225,12 +226,12 @@ class System:
 
     @property
     def followed(self) -> list[str]:
-        """What a person follows: places and outputs."""
+        """Coordinates and outputs."""
         return [*self.places, *self.outputs]
 
     def unknown(self, name: str) -> dict[str, float]:
-        """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
-        name."""
+        """Modal coefficients of a degree of freedom of a structure, or of its rate; empty for an
+        unknown name."""
         if not self.structures:
             return {}
         from stickslip.structures.coordinates import row_of
@@ -415,19 +416,19 @@ class System:
         return self.declaration.value(expression, {**self.values, **given})
 
     def left_out(self, start: float, end: float) -> list[str]:
-        """What a motion over a time span leaves out of the records that drive it, in words."""
+        """Describe the parts of driving records that a motion over a time span omits."""
         from stickslip.model.names import parts_left_out
 
         return parts_left_out(self.declaration.given, start, end, self.time_unit)
 
     def heading(self) -> dict[str, Any]:
-        """What a summary of its results says of it: its name and its given functions."""
+        """Heading of summaries: the name and the given functions."""
         given = {**self.functions, **self.drives} | {k: str(t) for k, t in self.tables.items()}
         shown = {k: str(f) if isinstance(f, TimeFunction) else f for k, f in given.items()}
         return {"model": self.name, "functions": shown}
 
     def equations(self, latex: bool = False) -> Any:
-        """The equations as a person would write them: Unicode text, or LaTeX."""
+        """The equations in mathematical notation, as Unicode text or LaTeX."""
         from stickslip.display.equations import Equations
 
         shown = Equations(self)

@@ -52,7 +52,7 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
         raise DeclarationError(
             f"{where}.law",
             "a contact has one law",
-            "Give each law a contact of its own: what acts along one direction adds up",
+            "Declare a contact for each law; contacts along the same direction add up",
         )
     if "direction" not in table:
         raise toml.missing(where, "direction")
@@ -124,7 +124,7 @@ _SYSTEMS = toml.Language(
     others={
         "dissipation": (
             "this file declares an evolution, not a system",
-            "Use: stickslip evolve FILE, or stickslip.load_evolution",
+            "Use stickslip.load_evolution, or on the command line: stickslip evolve FILE",
         )
     },
 )
@@ -132,7 +132,7 @@ _SYSTEMS = toml.Language(
 
 @validated
 def load(path: str | PathLike[str]) -> System:
-    """The system that a model file declares.
+    """Load a system from a model file.
 
     Parameters
     ----------

@@ -53,7 +53,6 @@ class Language(Generic[_M]):
 
     Attributes
     ----------
-    model : type
     groups : tuple of str
         Fields before which a file has an empty line.
     sections : mapping of str to callable
@@ -120,7 +119,7 @@ class Language(Generic[_M]):
         try:
             Path(path).write_bytes(self.dumps(model).encode())
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "its texts are not valid Unicode"
+            reason = getattr(error, "strerror", None) or "its strings are not valid Unicode"
             raise DeclarationError(
                 str(path), f"the file cannot be written ({reason})", "Choose another place"
             ) from None
@@ -139,13 +138,13 @@ def read_text(path: str | PathLike[str]) -> str:
         with Path(path).open("rb") as file:
             data = file.read(_MOST_OF_FILE + 1)
     except FileNotFoundError:
-        raise DeclarationError(where, "there is no such file", "Check the path") from None
+        raise DeclarationError(where, "no such file", "Check the path") from None
     except IsADirectoryError:
-        raise DeclarationError(where, "this is a directory", "Name a .toml file in it") from None
+        raise DeclarationError(where, "it is a directory", "Give a .toml file in it") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DeclarationError(
-            where, f"the file cannot be read ({reason})", "Check the path and its rights"
+            where, f"the file cannot be read ({reason})", "Check the path and the permissions"
         ) from None
     if len(data) > _MOST_OF_FILE:
         raise DeclarationError(
@@ -191,7 +190,7 @@ def parse(text: str) -> dict[str, Any]:
     if deep:
         line = text.count("\n", 0, deep.start()) + 1
         raise DeclarationError(
-            "", f"a key has too many parts (at line {line})", "Keys have at most three parts"
+            "", f"a key has too many parts (line {line})", "Use at most three parts"
         )
     try:
         # With an end of line at the end, every place in the text is in some line.
@@ -203,9 +202,7 @@ def parse(text: str) -> dict[str, Any]:
             "", "not valid: tables or lists are nested too deeply", "Remove the brackets"
         ) from None
     except ValueError:
-        raise DeclarationError(
-            "", "not valid TOML: a number or a date that does not exist", "Correct it"
-        ) from None
+        raise DeclarationError("", "not valid TOML: invalid number or date", "Correct it") from None
 
 
 def _toml_error(message: str, text: str) -> tuple[str, str]:
@@ -217,10 +214,11 @@ def _toml_error(message: str, text: str) -> tuple[str, str]:
         if line and text.count("\n") >= int(line[1]) - 1
         else ""
     )
-    remedy = "Put texts and formulas in quotes, and one 'key = value' on a line"
+    remedy = "Put strings and formulas in quotes, and write one 'key = value' per line"
     if "overwrite" in message or "declare" in message or "mutate" in message:
-        remedy = "Each key stands once; remove or rename one of the two"
-    return f"not valid TOML: {short(cause)} at {place.rstrip(')') or 'its end'}{quoted}", remedy
+        remedy = "A key may occur once; remove or rename one of them"
+    end = place.rstrip(")") or "the end of the file"
+    return f"not valid TOML: {short(cause)} at {end}{quoted}", remedy
 
 
 def entry(cls: Any, value: Any, where: str, folder: Path = Path()) -> Any:
@@ -267,7 +265,7 @@ def named_kind(table: dict[str, Any], kinds: Mapping[str, type[K]], where: str) 
     if not isinstance(kind, str):
         raise wrong_kind(kind, "str", key)
     if kind not in kinds:
-        reason = f"there is no kind '{short(kind)}'"
+        reason = f"unknown kind '{short(kind)}'"
         raise DeclarationError(key, reason, suggestion(kind, kinds, '"'))
     return kinds[kind]
 

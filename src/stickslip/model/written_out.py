@@ -226,8 +226,7 @@ class _WrittenOut:
                 if period > span[1] - span[0]:
                     raise DeclarationError(
                         where,
-                        f"{period:g} is longer than the span ({span[0]:g}, {span[1]:g}), in which "
-                        "it would not be sampled",
+                        f"the period {period:g} is longer than the span ({span[0]:g}, {span[1]:g})",
                         "Give a longer span, or a shorter period",
                     )
 
@@ -236,7 +235,9 @@ class _WrittenOut:
         label = sampling.label
         if label in self.jumps:
             where = entry_key("internal", sampling.names[0])
-            raise DeclarationError(where, f"it needs the name '{label}' of a jump", "Rename that")
+            raise DeclarationError(
+                where, f"it needs the name '{label}', which is used by a jump", "Rename the jump"
+            )
         self.jumps[label] = Jump(f"sin(pi*{sampling.since})", dict(sampling.to))
         place = entry_key("jumps", label)
         for name in sampling.to:
@@ -262,7 +263,7 @@ class _WrittenOut:
             if given not in known and not (law.points and given in _OF_CURVES):
                 raise DeclarationError(
                     f"{where}.{given}",
-                    f"'{law.name}' has no such parameter",
+                    f"unknown parameter of '{law.name}'",
                     suggestion(given, known),
                 )
         for needed, parameter in law.parameters.items():
@@ -277,9 +278,9 @@ class _WrittenOut:
             if self.is_pressed(value) and not of_forces:
                 raise DeclarationError(
                     f"{where}.{own}",
-                    "a law with a state or sliders of its own cannot depend on a normal force",
-                    "Use one with a threshold, such as 'stribeck', or give the normal force as a "
-                    "formula of time and state",
+                    "a law with internal states or sliders cannot depend on a normal force",
+                    "Use a law with a threshold, such as 'stribeck', or give the normal force "
+                    "as a formula of time and state",
                 )
         key = key_of(name)
         words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
@@ -330,8 +331,8 @@ class _WrittenOut:
         if law.increasing and massless and len(slopes) > 1:
             raise DeclarationError(
                 f"{where}.direction",
-                f"it joins '{massless[0]}' to others, and a rate without mass follows forces",
-                "Let it move one coordinate, or declare the coordinates inertial",
+                f"it couples '{massless[0]}', which has no mass, to other coordinates",
+                "Use a direction with one coordinate, or declare the coordinates inertial",
             )
         for x, slope in slopes.items():
             if law.increasing and massless:
@@ -393,11 +394,15 @@ class _WrittenOut:
             where = entry_key(section, text)
             if text in self.coordinates:
                 remedy = f"Write it under coordinates.{text}.force"
-                raise DeclarationError(where, "no unknown of a structure", remedy) from None
-            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+                raise DeclarationError(
+                    where, "not a degree of freedom of a structure", remedy
+                ) from None
+            raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
         if prefix and section == "forces":
             raise DeclarationError(
-                entry_key(section, text), "a force acts on no rate", f"Write {text[2:]}"
+                entry_key(section, text),
+                "a force acts on a coordinate, not on its rate",
+                f"Write {text[2:]}",
             )
         return f"{prefix}{name}[{self.structures[name].key(index)}]"
 
@@ -416,7 +421,7 @@ class _WrittenOut:
         elif contact.mu != 0.0:
             raise DeclarationError(
                 f"{where}.direction",
-                "friction has no direction",
+                "the direction of friction is missing",
                 "Give the relative velocity, like direction = 'd_x'",
             )
 
@@ -433,8 +438,8 @@ class _WrittenOut:
         if not abs(here) <= _HELD * max([1.0, *map(abs, state.values())]):
             raise DeclarationError(
                 where,
-                f"it is {here:g} at the initial state, and has to be zero",
-                "Start where it holds",
+                f"it is {here:g} at the initial state, but must be zero",
+                "Choose initial values that satisfy it",
             )
 
     def add_contact(self, label: str, contact: AnyContact, where: str) -> None:
@@ -448,7 +453,7 @@ class _WrittenOut:
         own = entry_key("contacts", label) == where
         if label in self.contacts or (label in self.system.contacts and not own):
             raise DeclarationError(
-                where, f"it needs the name '{label}', which is taken", "Rename one of the two"
+                where, f"it needs the name '{label}', which is already used", "Rename one of them"
             )
         self.contacts[label] = contact
         self.origins[entry_key("contacts", label)] = where
@@ -508,14 +513,14 @@ class _WrittenOut:
         if not found and rest is ex.ZERO and contact.surface_speed == 0.0:
             raise DeclarationError(
                 f"{where}.direction",
-                "neither side moves",
+                "the direction is zero, and so is the surface speed",
                 "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
             )
         if rest is not ex.ZERO:
             raise DeclarationError(
                 f"{where}.direction",
-                f"it contains '{formula_text(rest, where)}', which is no rate",
-                "Put it under surface_speed",
+                f"it contains '{formula_text(rest, where)}', which is not a rate",
+                "Move it to 'surface_speed'",
             )
         return found
 
@@ -564,7 +569,9 @@ class _WrittenOut:
         parts = {*self.coordinates, *self.internal, *self.tables, *system.outputs}
         if bare in {*system.parameters, *parts, *declared}:
             raise DeclarationError(
-                where, f"its law needs the name '{bare}', which is taken", "Rename one of the two"
+                where,
+                f"its law needs the name '{bare}', which is already used",
+                "Rename one of them",
             )
         section[name] = part
 
@@ -599,9 +606,6 @@ class _WrittenOut:
 
         Parameters
         ----------
-        name : str
-        contact : LawContact
-        law : FrictionLaw
         words : dict of str to str
             What the law's own names become.
         slopes : mapping of str to str
@@ -629,7 +633,7 @@ class _WrittenOut:
             each = {**words, **lists[i], "i": str(i), "elements": str(count)}
             slider = f"r_{key}{index}"
             label = f"{name} {i}" if count > 1 else name
-            part = RateIndependent(unit, f"place of the slider of {label}")
+            part = RateIndependent(unit, f"position of the slider of {label}")
             self.take(self.coordinates, slider, part, where)
             part = Contact(
                 f"d_{slider}",
@@ -656,8 +660,8 @@ class _WrittenOut:
         if len(held) > 2:
             raise DeclarationError(
                 f"{where}.F_s",
-                f"{len(held)} values, and there are two ways",
-                "Give one, or forward and backward",
+                f"{len(held)} values were given, but there are two directions of sliding",
+                "Give one value, or two: forward and backward",
             )
         factor = contact.values.get("N", law.options["N"].default)
         words = {**words, "N": self.strength(f"{where}.N", words["N"], factor, law)}
@@ -698,20 +702,22 @@ class _WrittenOut:
             if not isinstance(value, tuple) or not value:
                 raise DeclarationError(
                     f"{where}.{own}",
-                    "expected a list, an entry for each element",
+                    "expected a list with one entry for each element",
                     f"Write it like {own} = [1.0, 0.5]",
                 )
             lengths[own] = len(value)
         if len(set(lengths.values())) > 1:
-            said = " and ".join(f"{own} has {n}" for own, n in lengths.items())
-            raise DeclarationError(where, f"its lists differ: {said}", "Give lists of one length")
+            said = " and ".join(f"'{own}' has {n}" for own, n in lengths.items())
+            raise DeclarationError(
+                where, f"its lists have different lengths: {said}", "Give lists of the same length"
+            )
         if lengths:
             return next(iter(lengths.values()))
         count = values.get("elements", 1)
         if not is_finite(count) or count != int(count) or not 1 <= count <= _MOST_ELEMENTS:
             raise DeclarationError(
                 f"{where}.elements",
-                f"not a whole number between 1 and {_MOST_ELEMENTS}",
+                f"not an integer between 1 and {_MOST_ELEMENTS}",
                 "Write it like elements = 10",
             )
         return int(count)

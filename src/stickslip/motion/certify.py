@@ -27,6 +27,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, within
+from stickslip.motion.record.knots import Knots
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
 _TOLERANCE = 1e-9  # limit of all residuals, at least
 _ACCURACY = 10.0  # … and so many times rtol
+_ROUNDING = 1e-13  # of components of one kind, relative to the largest
+_TOUCHING = 1e-9  # gap of bodies that touch, relative to the largest coordinate of the motion
 
 
 def certify_trajectory(trajectory: Trajectory) -> Certificate:
@@ -56,11 +59,35 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
     """By how much the first knot misses the start, relative to the size of each component."""
     states = trajectory.knots.state
     missed = np.abs(states[0] - start)
+    if not np.any(missed):
+        return 0.0
     sizes = np.max(np.abs(states), axis=0)
     missed[(sizes == 0.0) & (missed <= trajectory.atol)] = 0.0
+    n = trajectory._problem.compiled.layout.sizes["nq"]
+    for kind in (slice(0, n), slice(n, 2 * n)):
+        # Rounding of one component is projected onto the others of its kind.
+        rounding = _ROUNDING * float(np.max(sizes[kind], initial=0.0))
+        missed[kind] = np.where(missed[kind] <= rounding, 0.0, missed[kind])
+    if _collides(trajectory, start):
+        missed[n : 2 * n] = 0.0  # The first knot is behind an impact, which is one of velocities.
     changed = missed != 0.0
     with np.errstate(divide="ignore"):
         return float(np.max(missed[changed] / sizes[changed], initial=0.0))
+
+
+def _collides(trajectory: Trajectory, start: Array) -> bool:
+    """Whether bodies that touch approach each other at the start."""
+    which = [*trajectory._switches.openings.values()]
+    if not which:
+        return False
+    k, layout = trajectory.knots, trajectory._problem.compiled.layout
+    first = Knots.single(float(k.clock[0]), start, k.mode[0], k.region[0], k.origin)
+    (row,) = trajectory._sample_steps(first, k.clock[:1], np.zeros(1, np.int64))
+    gaps = row[[layout.gaps[i] for i in which]]
+    rates = row[[layout.u[i] for i in which]]
+    places = np.abs(k.state[:, : layout.sizes["nq"]])
+    touching = np.abs(gaps) <= _TOUCHING * np.max(places, initial=0.0)
+    return bool(np.any(touching & (rates < 0.0)))
 
 
 def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:

@@ -41,7 +41,6 @@ class Lanes:
         Outcome code, or FULL while a lane goes on.
     now : Lane
         Where each lane is, arrays of shape (lanes, ·).
-    forms : ClosedForms
     """
 
     problem: Problem
@@ -65,7 +64,6 @@ class Lanes:
 
         Parameters
         ----------
-        problem : Problem
         constants : Constants
             By group.
         group : array of int, shape (lanes,)

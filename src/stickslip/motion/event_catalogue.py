@@ -50,26 +50,26 @@ _NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EventCatalogue(Result):
-    """The slip events of a motion, or of several that follow each other.
+    """The slip events of a motion, or of several consecutive motions.
 
-    ``catalogue.table`` is a pandas.DataFrame, one row an event.
+    ``catalogue.table`` is a pandas.DataFrame with one row per event.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
     dataset : xarray.Dataset
-        Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the one
-        before); ``size`` (sum of the slips of all contacts, each from the start of the event to its
-        end), ``largest_slip`` and ``contacts`` (how many have slipped), ``first`` (the contact that
-        slipped first), or the same of coordinates, if events are what is faster than a rate;
-        ``energy_released`` (what is dissipated in the event) and ``energy_drop``
-        (by how much the energy of the system is less at its end: the same if nothing is supplied
-        meanwhile), not a number where they were not asked for.
+        Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the
+        previous event); ``size`` (sum of the slips of all contacts, each from the start of the
+        event to its end), ``largest_slip`` and ``contacts`` (number of contacts that slip),
+        ``first`` (the contact that slipped first), or the same for coordinates, if events are
+        defined by a rate; ``energy_released`` (energy dissipated in the event) and ``energy_drop``
+        (decrease of the energy of the system over the event, which is the same without energy
+        supply), NaN if not requested.
     span : (float, float)
-        Of the motion. An event that had begun before, or was not at its end, is not listed.
+        Time span of the motion. Events that begin before it or end after it are not listed.
     certificate : Certificate
-        That of the motion.
+        The certificate of the motion.
     """
 
     KIND: ClassVar[str] = "event catalogue"
@@ -125,8 +125,8 @@ class EventCatalogue(Result):
         if len(counted) < 2 or not excess > 0.0:
             raise DeclarationError(
                 "least",
-                f"{len(counted)} events are as large, and differ too little",
-                "Give a smaller one, or a longer motion",
+                f"{len(counted)} events reach this size, and they are too few or all equal",
+                "Give a smaller value, or simulate a longer time span",
             )
         b = float(np.log10(np.e) / excess)
         return b, b / math.sqrt(len(counted))
@@ -145,14 +145,14 @@ class EventCatalogue(Result):
         times = times[np.isfinite(times)]
         if len(times) < 2:
             raise DeclarationError(
-                "recurrence", f"there are {len(self)} events", "Take a longer motion"
+                "recurrence", f"the catalogue has {len(self)} events", "Simulate a longer time span"
             )
         mean = float(np.mean(times))
         return mean, float(np.std(times, ddof=1)) / mean
 
     @property
     def title(self) -> str:
-        """Of what it is the catalogue."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -162,14 +162,14 @@ class EventCatalogue(Result):
 
     @property
     def message(self) -> str:
-        """How many there are."""
+        """Number of events."""
         start, end = self.span
         if not len(self):
             return f"no slip begins and ends in t = {start:g} ... {end:g}"
         return f"{len(self)} events in t = {start:g} ... {end:g}"
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         names = ("size", "duration", "interevent", "energy_released", "energy_drop")
         return {
@@ -185,7 +185,7 @@ class EventCatalogue(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         start, end = self.span
         rows = [("events", f"{len(self):,}"), ("time", f"{start:g} to {end:g}")]
         if said := self.dataset.attrs.get("events"):
@@ -225,7 +225,7 @@ class EventCatalogue(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A catalogue as it was."""
+        """Restore a stored catalogue."""
         from stickslip.model.system_file import loads
 
         first, last = json.loads(parts["span"])
@@ -239,7 +239,7 @@ class EventCatalogue(Result):
 
     @classmethod
     def joined(cls, pieces: Sequence[EventCatalogue]) -> EventCatalogue:
-        """The catalogue of motions that follow each other.
+        """Join the catalogues of consecutive motions.
 
         Parameters
         ----------
@@ -256,22 +256,26 @@ class EventCatalogue(Result):
         import xarray as xr
 
         if not pieces:
-            raise DeclarationError("pieces", "there are none", "Give at least one catalogue")
+            raise DeclarationError(
+                "pieces", "no catalogue was given", "Give at least one catalogue"
+            )
         first = pieces[0]
         for before, piece in pairwise(pieces):
             other = piece.dataset.attrs.get("events") != first.dataset.attrs.get("events")
             if other or piece.system != first.system or piece.parameters != first.parameters:
                 raise DeclarationError(
-                    "pieces", "they are of different systems", "Give pieces of one motion"
+                    "pieces",
+                    "they belong to different systems or parameters",
+                    "Give catalogues of one motion",
                 )
             ends = [before.span[0], *(before["start"] + before["duration"]).values[-1:].tolist()]
             # start + duration is rounded
             if piece.span[0] < max(ends) - _ROUNDED * abs(max(ends)):
                 raise DeclarationError(
                     "pieces",
-                    f"one begins at {piece.span[0]:g}, before the end {max(ends):g} of what the "
-                    "one before it lists",
-                    "Give them in the order of time",
+                    f"a catalogue begins at {piece.span[0]:g}, before the end {max(ends):g} of "
+                    "the previous one",
+                    "Give them in order of time, without overlap",
                 )
         data = xr.concat([piece.dataset for piece in pieces], "event", combine_attrs="override")
         data["interevent"].values[:] = _interevent(data["start"].values)
@@ -289,7 +293,6 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
 
     Parameters
     ----------
-    motion : Trajectory
     energy : bool
         Whether energies are measured, and with them the certificate: that takes a pass through the
         whole motion.
@@ -306,7 +309,7 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
         raise DeclarationError(
             "contacts",
             f"{system.name} has no dry contacts",
-            "Say from which rate on it is an event: event_catalogue(faster_than=0.01)",
+            "Give the rate above which an event is counted, like event_catalogue(faster_than=0.01)",
         )
     k = motion.knots
     names, columns = _columns(motion)
@@ -352,11 +355,6 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     The rates are looked at in 33 places of each Taylor step, and where they pass the limit between
     two of them the time is found to rounding.
 
-    Parameters
-    ----------
-    motion : Trajectory
-    rate : float
-
     Raises
     ------
     DeclarationError
@@ -365,11 +363,15 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     import xarray as xr
 
     if not 0.0 < rate < math.inf:
-        raise DeclarationError("faster_than", f"it is {rate:g}", "Give a positive rate")
+        raise DeclarationError(
+            "faster_than", f"{rate:g} is not a positive number", "Give a positive rate"
+        )
     system = motion.system
     names = list(system.plain.coordinates)
     if not names:
-        raise DeclarationError("faster_than", "nothing has a rate", "Declare coordinates")
+        raise DeclarationError(
+            "faster_than", f"{system.name} has no coordinates", "Declare a coordinate"
+        )
     k = motion.knots
     start, end = _fast_stretches(motion, names, rate)
     before, after = (motion.at(t + k.origin) for t in (start, end))
@@ -394,10 +396,10 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     speeds = {quantity(system, f"d_{x}")["units"] for x in names}
     slip, speed = (found.pop() if len(found) == 1 else None for found in (units, speeds))
     attributes = _attributes(system) | {
-        "size": described_as("sum of the slips", slip),
+        "size": described_as("total slip", slip),
         "largest_slip": described_as("largest slip of a coordinate", slip),
-        "contacts": described_as("coordinates that are fast", "1"),
-        "first": described_as("coordinate that is fast first", None),
+        "contacts": described_as("number of fast coordinates", "1"),
+        "first": described_as("first coordinate to become fast", None),
         "largest_rate": described_as("largest rate", speed),
     }
     said = f"while a rate is above {with_unit(rate, speed or '1', 6)}"
@@ -439,8 +441,10 @@ def _ends_of_series(motion: Trajectory) -> Array:
     if ended is not None:
         raise ended
     if code != 0 and motion.outcome.ok:
-        reached = f"its Taylor series end at t = {knots.time[-1]:.9g}"
-        raise ConvergenceError("events faster than a rate", reached, "Take the motion up to there")
+        reached = f"the Taylor series of the motion end at t = {knots.time[-1]:.9g}"
+        raise ConvergenceError(
+            "events faster than a rate", reached, "Catalogue the motion up to that time"
+        )
     return knots.clock[knots.clock <= k.clock[-1]]
 
 
@@ -592,10 +596,10 @@ def _attributes(system: System) -> dict[str, dict[str, str]]:
         "start": described_as("time", time),
         "duration": described_as("duration", time),
         "interevent": described_as("time between events", time),
-        "size": described_as("sum of the slips", slip),
+        "size": described_as("total slip", slip),
         "largest_slip": described_as("largest slip of a contact", slip),
-        "contacts": described_as("contacts that slip", "1"),
-        "first": described_as("contact that slips first", None),
-        "energy_drop": described_as("drop of the energy", energy),
+        "contacts": described_as("number of slipping contacts", "1"),
+        "first": described_as("first contact to slip", None),
+        "energy_drop": described_as("energy drop", energy),
         "energy_released": described_as("energy released", energy),
     }

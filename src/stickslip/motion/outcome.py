@@ -6,145 +6,157 @@ from stickslip.results import Ended
 
 
 class Outcome(Ended):
-    """How a motion ended; ``message`` says what it means and what to do.
+    """Outcome of a motion; ``message`` explains it and gives a remedy.
 
-    Everything computed up to there is kept in the result.
+    The result contains the motion up to its end.
     """
 
-    FINISHED = (0, "finished", "The end of the time span was reached")
+    FINISHED = (0, "finished", "The motion reached the end of the time span")
     AT_REST = (
         1,
         "at rest forever",
-        "No later event is possible: every contact sticks and the rest converges",
+        "No later event is possible: every contact sticks, and the remaining states converge",
     )
     NO_BOUNDED_RATE = (
         2,
         "no bounded rate",
-        "The forces cannot be balanced at any finite rate: the system jumps. "
-        "Give the coordinate viscosity or mass, or lower the load",
+        "The forces cannot be balanced at any finite rate: the system jumps. Add viscosity or "
+        "mass to the coordinate, or reduce the load",
     )
     SLIDING_ON_A_JUMP = (
         3,
         "sliding on a jump",
-        "A piecewise function that jumps pushes the motion onto its jump from both "
-        "sides. Make the function continuous, or model the jump as a contact",
+        "A discontinuous piecewise function pushes the motion onto its discontinuity from both "
+        "sides. Make the function continuous, or model the discontinuity as a contact",
     )
-    ZENO = (4, "event accumulation", "Infinitely many events pile up at this time (Zeno)")
+    ZENO = (
+        4,
+        "event accumulation",
+        "Infinitely many events accumulate at this time (Zeno behaviour). Check for a contact "
+        "whose threshold approaches zero",
+    )
     STEP_TOO_SMALL = (
         5,
         "step too small",
-        "The motion blows up or the formulas are singular near this time",
+        "The motion diverges or a formula is singular near this time. Check the formulas, or "
+        "end the time span earlier",
     )
-    EVENT_LIMIT = (6, "limit on events reached", "Raise max_events to go on")
+    EVENT_LIMIT = (
+        6,
+        "limit on events reached",
+        "The motion has more events than max_events. Increase max_events to continue",
+    )
     NEGATIVE_THRESHOLD = (
         7,
         "threshold negative",
-        "A threshold became negative; write max(..., 0) where it may vanish",
+        "A threshold became negative. Write max(..., 0) in its formula",
     )
     UNDEFINED = (
         8,
         "undefined",
-        "A formula has no finite value here (log or sqrt of a negative number, asin beyond 1, "
-        "overflow)",
+        "A formula has no finite value here (log or sqrt of a negative number, asin of a value "
+        "above 1, overflow). Check the formulas and parameters",
     )
     OUTSIDE_TABLE = (
         24,
         "outside of a table",
-        "A table has no values beyond its ends. Measure further, or say what it is there: "
+        "The argument of a table is outside its range. Extend the table, or extrapolate with "
         'outside = "constant" or "linear"',
     )
     TIME_UP = (
         23,
         "time limit reached",
-        "The time limit was reached; what was computed is kept. Raise time_limit to continue",
+        "The time limit was reached; the results so far are kept. Increase time_limit to continue",
     )
-    INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
+    INTERRUPTED = (9, "interrupted", "Stopped by the user; the results so far are kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
     STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
     NOT_SETTLED = (
         12,
         "budget spent",
-        "The limits were reached before the motion repeated itself, and it is neither seen to be "
-        "irregular nor to drift: it is quasi-periodic, or it repeats too late (a cycle of more "
-        "events than are compared). Raise max_time, max_cycles or longest_cycle. Rest that cannot "
-        "be proved, and a load that does not repeat, have not settled either",
+        "The limits were reached before the motion repeated, and neither chaos nor drift was "
+        "detected. It may be quasi-periodic, or its cycle has more events than are compared. "
+        "Increase max_time, max_cycles or longest_cycle. Rest that cannot be proved and a load "
+        "that is not periodic also end here",
     )
     IRREGULAR = (
         25,
         "irregular",
-        "The motion has not settled, and its neighbours part: its largest Lyapunov exponent is "
-        "positive. What is measured is that of its last part",
+        "The motion has not settled, and neighbouring motions diverge: the largest Lyapunov "
+        "exponent is positive. Measures are taken over its last part",
     )
     SLOW = (
         26,
         "slow",
-        "The motion has not settled: it still drifts, dies down or grows from return to return. "
-        "Raise max_time or max_cycles",
+        "The motion has not settled: it still drifts, decays or grows from one return to the "
+        "next. Increase max_time or max_cycles",
     )
     UNDAMPED = (
         13,
         "undamped",
-        "The motion goes on without events for ever, and an oscillation in it neither dies out nor "
-        "grows: nothing damps it. Add damping",
+        "The motion continues without events, with an undamped oscillation that neither decays "
+        "nor grows. Add damping",
     )
     NO_INERTIA = (
         16,
         "inertia not positive definite",
-        "The mass matrix is not positive definite here: some motion would have no, or negative, "
-        "kinetic energy. Check the kinetic energy, or end the motion before",
+        "The mass matrix is not positive definite here: some rates would have zero or negative "
+        "kinetic energy. Check the kinetic energy, or end the time span earlier",
     )
     NO_ACCELERATION = (
         17,
         "no admissible acceleration (Painlevé)",
-        "No mode of the contacts has accelerations that obey Coulomb's law with these normal "
-        "forces: only an impulse could go on. Lower the coefficient of friction",
+        "No contact mode has accelerations that satisfy Coulomb's law with these normal forces; "
+        "only an impulse could continue the motion. Reduce the coefficient of friction",
     )
     NO_MODE = (
         22,
         "no admissible mode",
-        "No mode of the contacts goes on from here; the reason is not known. It is not Painlevé's "
-        "paradox: friction changes the normal forces too little for that, if at all. At the start "
-        "of a motion, or after a jump of the state, look for bodies that overlap; elsewhere for "
-        "forces so stiff that rounding decides",
+        "No contact mode can continue the motion, for an unknown reason. It is not Painlevé's "
+        "paradox: friction affects the normal forces too little for that. At the start of a "
+        "motion or after a jump of the state, check for overlapping bodies; elsewhere, check "
+        "for very stiff forces",
     )
     NO_COLLISION = (
         18,
         "no admissible impact",
-        "No impulses were found that obey the law of impacts. Where bodies touch at more places "
-        "than they can move, restitution has to be the same at all of them, or zero; or let the "
-        "impacts come in turn",
+        "No impulses were found that satisfy the impact law. Where bodies touch at more points "
+        "than they have degrees of freedom, use the same restitution at all of them or zero, or "
+        'set impacts = "in turn"',
     )
     CREATES_ENERGY = (
         19,
         "impact that creates energy",
-        "Newton's law of impacts with friction would create energy here. Lower the restitution or "
+        "Newton's impact law with friction would create energy here. Reduce the restitution or "
         "the coefficient of friction",
     )
     JUMPS_MEET = (
         20,
         "several jumps at once",
-        "The guards of two jumps pass through zero at the same time, so that the state jumps in no "
-        "order. Declare one jump that does what both do, or move one of the guards. Of two "
-        "sampling periods write one as a multiple of the other, such as 10*T",
+        "The guards of two jumps cross zero at the same time, so the order of the jumps is "
+        "undefined. Declare a single jump that does both, or shift one of the guards. Write one "
+        "of two sampling periods as a multiple of the other, such as 10*T",
     )
     JUMPS_ON = (
         21,
         "a jump ends in the guard of a jump",
-        "The state has jumped to where a jump fires at once, its own or another one: there may be "
-        "no end of it. Let it jump to one side of the guard, or give the guard a direction",
+        "The state jumped to a place where the same or another jump fires at once, which may "
+        "repeat without end. Let the state jump to one side of the guard, or give the guard a "
+        "direction",
     )
     OUTSIDE = (
         15,
         "outside the stable set",
-        "The initial state violates |∂Φ| ≤ s: friction cannot hold it, so that no motion starts "
-        "there. Start inside the stable set; the excess says by how much the force is too large",
+        "The initial state violates |∂Φ| ≤ s: friction cannot hold it, so no motion starts "
+        "there. Start inside the stable set; the excess is the amount by which the force is too "
+        "large",
     )
 
     INADMISSIBLE_KINETIC = (
         14,
         "kinetic force not admissible",
-        "The sliding force of a contact became negative, or larger than its threshold at the onset "
-        "of slip. Keep 0 <= kinetic, and kinetic <= threshold at speed 0",
+        "The sliding force of a contact became negative, or larger than its threshold at the "
+        "onset of slip. Keep kinetic >= 0, and kinetic <= threshold at speed 0",
     )
 
     @property

@@ -66,8 +66,6 @@ class Problem:
 
     Attributes
     ----------
-    system : System
-    parameters : dict of str to float
     order : int
         Order of the Taylor series.
     tolerance, atol : float
@@ -277,7 +275,6 @@ def pose(
 
     Parameters
     ----------
-    system : System
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol : float

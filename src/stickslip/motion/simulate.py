@@ -49,7 +49,7 @@ def simulate(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """The motion of a system, switch by switch.
+    """Compute the motion of a system, with every switch at its exact time.
 
     Parameters
     ----------
@@ -58,20 +58,20 @@ def simulate(
         Start and end; by default the system's own span.
     initial : mapping of str to float, optional
         Initial values of coordinates, rates ``d_x`` of inertial coordinates and internal variables;
-        what is not given has its declared default, or 0.
+        others have their declared default, or 0.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
-        Global quality: relative to the size of the motion, and the smallest size that counts.
+        Relative accuracy with respect to the size of the motion, and absolute accuracy.
     max_events : int
         Limit on the number of events.
     flow : str
         ``"auto"``: in closed form where a mode is affine, else by Taylor series. ``"taylor"``:
-        always by Taylor series, to see that both agree.
+        always by Taylor series, for comparison.
     time_limit : float, optional
-        Seconds of wall-clock time after which the motion ends as it is.
+        Wall-clock limit in seconds; the motion computed so far is returned.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
@@ -82,7 +82,8 @@ def simulate(
     ------
     DeclarationError
         If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent
-        coordinate, a constraint, or a gap. What it misses by rounding is put right.
+        coordinate, a constraint, or a gap. Violations at the level of rounding errors are
+        corrected.
     """
     from stickslip.motion.rest import rests_forever
     from stickslip.motion.trajectory import Trajectory
@@ -91,7 +92,7 @@ def simulate(
     start, end = check_span(system.span if t_span is None else t_span)
     system.declaration.check_span(start, end)
     if flow not in ("auto", "taylor"):
-        raise DeclarationError("flow", f"{flow!r} is none", 'Choose "auto" or "taylor"')
+        raise DeclarationError("flow", f"{flow!r} is not a flow", 'Choose "auto" or "taylor"')
     problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
     y = put_on_contacts(problem, start, numbers_of(problem), y[None])[0]
@@ -120,9 +121,7 @@ def check_positive(**given: object) -> None:
     """Refuse numbers of events or workers that are none."""
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-            raise DeclarationError(
-                name, f"{value!r} is not a positive whole number", "Give at least 1"
-            )
+            raise DeclarationError(name, f"{value!r} is not a positive integer", "Give at least 1")
 
 
 def check_span(span: object, where: str = "t_span") -> tuple[float, float]:
@@ -164,11 +163,8 @@ def run_loop(
 
     Parameters
     ----------
-    problem : Problem
-    start, end : float
     y : array, shape (n,)
         State at the start.
-    max_events : int
     progress : callable, optional
         Is told the fraction of the span that is done.
 
@@ -176,7 +172,6 @@ def run_loop(
     -------
     code : int
         Of an :class:`Outcome`.
-    knots : Knots
     ended : KeyboardInterrupt, TimeUp or None
         What ended it, if it is one of these.
     """

@@ -40,13 +40,13 @@ _PULSE = 0.25  # seconds after which a wish to stop is noticed
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Result):
-    """Many motions of a system: where each ended, and how.
+    """Final states and outcomes of many motions of a system.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
-        That are the same for all.
+        Parameters that are the same for all motions.
     dataset : xarray.Dataset
         Dimension ``trajectory``.
     """
@@ -70,18 +70,18 @@ class Ensemble(Result):
 
     @property
     def title(self) -> str:
-        """Of what they are motions."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """How many motions ended how."""
+        """Numbers of motions by outcome."""
         codes, numbers = np.unique(self.dataset["outcome"].values, return_counts=True)
         return {Outcome.from_code(int(c)): int(n) for c, n in zip(codes, numbers, strict=True)}
 
     @property
     def outcome(self) -> Completion:
-        """Whether all came to their end."""
+        """Whether all motions reached their end."""
         if Outcome.INTERRUPTED in self.counts:
             return Completion.INTERRUPTED
         if Outcome.TIME_UP in self.counts:
@@ -91,7 +91,7 @@ class Ensemble(Result):
 
     @property
     def message(self) -> str:
-        """How many ended how, and what that means where it is not their end."""
+        """Numbers of outcomes, with explanations of early ends."""
         found = self.counts.items()
         said = ", ".join(f"{number} {outcome.label}" for outcome, number in found)
         why = {f"{outcome.label}: {outcome.message}" for outcome, _ in found if not outcome.ok}
@@ -99,18 +99,18 @@ class Ensemble(Result):
 
     @property
     def certificate(self) -> Certificate:
-        """Final states alone cannot be audited: `simulate` certifies a motion."""
+        """Final states alone are not audited; use `simulate` for a certified motion."""
         unaudited = Residual("motions not audited", float(len(self)), 0.0)
         return Certificate((unaudited,), notes=tuple(self.warnings))
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         ended = {outcome.label: number for outcome, number in self.counts.items()}
         found = {**self.system.heading(), "motions": len(self), "ended": ended}
         return {**found, "warnings": self.warnings}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         ended = [(f"  {outcome.label}", str(number)) for outcome, number in self.counts.items()]
         return [("motions", str(len(self))), *ended, *(("warning", w) for w in self.warnings)]
 
@@ -130,7 +130,7 @@ class Ensemble(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """An ensemble as it was."""
+        """Restore a stored ensemble."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")
@@ -150,7 +150,7 @@ def simulate_many(
     time_limit: float | None = None,
     workers: int | None = None,
 ) -> Ensemble:
-    """Final states of many motions of a system.
+    """Compute the final states of many motions of a system.
 
     Parameters
     ----------
@@ -158,13 +158,14 @@ def simulate_many(
     t_span : (float, float), optional
         Start and end, the same for all.
     initial, parameters : mapping of str to float or 1-D array, optional
-        What varies from motion to motion; numbers hold for all. All arrays have the same length.
+        Values that vary between motions, as arrays of the same length; numbers apply to all
+        motions.
     rtol, atol, max_events
         As in :func:`simulate`.
     time_limit : float, optional
-        Seconds of wall-clock time after which all motions end as they are.
+        Wall-clock limit in seconds, at which all motions end.
     workers : int, optional
-        Threads; by default all cores. The result does not depend on it.
+        Number of threads; by default all cores. The result does not depend on it.
 
     Returns
     -------
@@ -184,7 +185,7 @@ def simulate_many(
     if not isinstance(system, System):
         raise DeclarationError(
             "system",
-            f"{system!r} is no System",
+            f"{system!r} is not a System",
             "Give a System, such as ss.catalogue.rocking_toy()",
         )
     check_limit(time_limit)
@@ -252,11 +253,9 @@ def follow_all(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (motions, parameters)
     states : array, shape (motions, n)
         Where they start.
-    span : (float, float)
     max_events : int
         Of each motion.
     workers : int
@@ -317,7 +316,6 @@ def follow_block(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (motions, parameters)
     states : array, shape (motions, n)
         Where they start.
@@ -364,8 +362,8 @@ def common_length(given: Mapping[str, Array]) -> int:
     if len(lengths) > 1:
         raise DeclarationError(
             "initial, parameters",
-            f"arrays of different lengths {sorted(lengths)}",
-            "Give arrays of one length",
+            f"the arrays have different lengths: {sorted(lengths)}",
+            "Give arrays of the same length",
         )
     return lengths.pop() if lengths else 1
 

@@ -26,10 +26,6 @@ _MOST_NAMED = 6  # coordinates in a message
 class _Gaps:
     """The gaps of a system as functions of parameters, time, and state.
 
-    Parameters
-    ----------
-    problem : Problem
-
     Attributes
     ----------
     held : array of bool, shape (gaps, 1)
@@ -71,7 +67,6 @@ class _Openings:
 
     Parameters
     ----------
-    problem : Problem
     start : float
         Time.
     table : array, shape (motions, parameters)
@@ -116,7 +111,6 @@ def put_on_contacts(problem: Problem, start: float, table: Array, states: Array)
 
     Parameters
     ----------
-    problem : Problem
     start : float
         Time.
     table : array, shape (motions, parameters)
@@ -154,13 +148,13 @@ def check_contacts(problem: Problem, start: float, y: Array) -> None:
     if found.of.held[i, 0]:
         raise DeclarationError(
             f"{entry_key('contacts', found.of.contacts[i].side_of)}.constraint",
-            f"it misses zero by {off:.6g} at the initial state",
-            f"Start where it holds{nearest}",
+            f"violated by {off:.6g} at the initial state",
+            f"Start from a state that satisfies it{nearest}",
         )
     raise DeclarationError(
         f"{entry_key('contacts', name)}.gap",
-        f"it is {gap:.6g} at the initial state: the bodies overlap",
-        f"Start where it is positive, or zero for contact{nearest}",
+        f"the gap is {gap:.6g} at the initial state: the bodies overlap",
+        f"Start from a state with a positive gap, or zero for contact{nearest}",
     )
 
 
@@ -179,7 +173,7 @@ def _nearest(found: _Openings) -> str:
         for q, old, new in zip(found.of.coordinates, before, moved, strict=True)
         if new != old
     ]
-    return f"; the nearest such state has {', '.join(changed[:_MOST_NAMED])}"
+    return f"; the nearest is {', '.join(changed[:_MOST_NAMED])}"
 
 
 def numbers_of(problem: Problem) -> Array:

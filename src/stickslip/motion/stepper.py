@@ -34,16 +34,17 @@ _SINCE = "t__since"  # the time from which inputs change
 
 @dataclass(frozen=True)
 class StepperState:
-    """Where a :class:`Stepper` is: :meth:`Stepper.save` gives it, :meth:`Stepper.restore` takes it.
+    """State of a :class:`Stepper`, returned by :meth:`Stepper.save` and accepted by
+    :meth:`Stepper.restore`.
 
     Attributes
     ----------
     time : float
     inputs : dict of str to float
     lane : tuple of arrays
-        What the engine knows of the motion: its state, the modes of its contacts, its clock.
+        Internal data of the engine: the state, the modes of the contacts, the clock.
     numbers : array
-        Of the parameters.
+        Values of the parameters.
     """
 
     time: float
@@ -53,11 +54,11 @@ class StepperState:
 
 
 class Stepper:
-    """A motion that is advanced step by step, with inputs from outside: for controllers written in
-    Python, and for co-simulation.
+    """A motion advanced step by step with external inputs, for controllers written in Python and
+    for co-simulation.
 
-    Within a step the motion is that of :func:`stickslip.simulate`, with every switch at its own
-    time, however long the step is.
+    Within a step the motion is that of :func:`stickslip.simulate`, with every switch at its exact
+    time, independent of the step size.
 
     Parameters
     ----------
@@ -65,28 +66,28 @@ class Stepper:
     initial, parameters : mapping of str to float, optional
         As of :func:`stickslip.simulate`.
     inputs : sequence of str
-        Parameters and drives that are given anew with each step. A drive has the value of its
-        declaration until it is given one.
+        Parameters and drives that may be set in each step. A drive has its declared value until it
+        is set.
     interpolation : {"hold", "linear"}
-        Whether an input jumps to its new value at the beginning of the step, or runs to it in a
-        straight line.
+        Whether an input jumps to its new value at the beginning of the step, or varies linearly
+        during the step.
     time : float, optional
-        Where it begins; by default at the start of the system's span.
+        Initial time; by default the start of the span of the system.
     rtol, atol : float
         As of :func:`stickslip.simulate`.
     max_events : int
-        Limit on the number of events in a step.
+        Maximum number of events in a step.
 
     Attributes
     ----------
     time : float
     system : System
-        The system that is moved: with its inputs as parameters, or as straight lines.
+        The system with its inputs as parameters, or as linear functions of time.
 
     Raises
     ------
     DeclarationError
-        If an input is neither a parameter nor a drive, or an argument is wrong.
+        If an input is not a parameter or a drive, or an argument is wrong.
 
     Examples
     --------
@@ -121,11 +122,13 @@ class Stepper:
         max_events: int = 100_000,
     ) -> None:
         if interpolation not in ("hold", "linear"):
-            reason = f"there is no '{short(str(interpolation))}'"
+            reason = f"unknown interpolation '{short(str(interpolation))}'"
             raise DeclarationError("interpolation", reason, 'Choose "hold" or "linear"')
         begin = float(system.span[0] if time is None else time)
         if not math.isfinite(begin):
-            raise DeclarationError("time", f"it is {begin:g}", "Give a finite number")
+            raise DeclarationError(
+                "time", f"{begin:g} is not a finite number", "Give a finite number"
+            )
         values = {**system.values, **(parameters or {})}
         system.declaration.check_parameters(values)
         known = {name: _value_of(system, name, values, begin) for name in inputs}
@@ -215,8 +218,8 @@ class Stepper:
         """
         end = float(time)
         if not self.time < end < math.inf:
-            reason = f"{end:g} does not come after {self.time:g}"
-            raise DeclarationError("time", reason, "Steps go forward: restore a saved state")
+            reason = f"{end:g} is not later than the current time {self.time:g}"
+            raise DeclarationError("time", reason, "To go back, restore a saved state")
         self._take(inputs or {}, end)
         begin = self.time
         origin = self._problem.origin
@@ -259,7 +262,9 @@ class Stepper:
                 reason = f"'{short(str(name))}' is not an input"
                 raise DeclarationError("inputs", reason, suggestion(str(name), self._inputs))
             if not math.isfinite(value):
-                raise DeclarationError(f"inputs.{name}", f"it is {value:g}", "Give a number")
+                raise DeclarationError(
+                    f"inputs.{name}", f"{value:g} is not a finite number", "Give a finite number"
+                )
         if not self._linear and not given:
             return
         row = self._numbers[0]
@@ -285,12 +290,12 @@ class Stepper:
         raise ConvergenceError(f"the motion ends at t = {self.time:.9g}", outcome.message)
 
     def save(self) -> StepperState:
-        """Where it is, to come back to."""
+        """Save the current state."""
         lane = tuple(part.copy() for part in self._lanes.now)
         return StepperState(self.time, self.inputs, lane, self._numbers.copy())
 
     def restore(self, state: StepperState) -> None:
-        """Go back to where it was when the state was saved.
+        """Restore a saved state.
 
         Raises
         ------
@@ -302,7 +307,11 @@ class Stepper:
         if [
             part.shape for part in state.lane
         ] != shapes or state.inputs.keys() != self._inputs.keys():
-            raise DeclarationError("state", "it was saved by another system", "Save one of this")
+            raise DeclarationError(
+                "state",
+                "the state was saved by another system",
+                "Restore a state saved by this stepper",
+            )
         for part, saved in zip(now, state.lane, strict=True):
             part[...] = saved
         self.time = state.time
@@ -318,7 +327,7 @@ def _value_of(system: System, name: str, values: Mapping[str, float], time: floa
         return float(values[name])
     if name not in system.drives:
         known = suggestion(str(name), [*system.parameters, *system.drives])
-        reason = f"'{short(str(name))}' is neither a parameter nor a drive"
+        reason = f"'{short(str(name))}' is not a parameter or a drive"
         raise DeclarationError("inputs", reason, known)
     drive = system.drives[name]
     if isinstance(drive, TimeFunction) and not drive.covers(time, time):
@@ -331,7 +340,6 @@ def with_inputs(system: System, inputs: Mapping[str, float], linear: bool, time:
 
     Parameters
     ----------
-    system : System
     inputs : mapping of str to float
         Parameters and drives, and the values that they have at first.
     linear : bool

@@ -49,11 +49,11 @@ class Trajectory(Result):
     system : System
     parameters : dict of str to float
     t_span : (float, float)
-        The span that was asked for.
+        The requested time span.
     outcome : Outcome
         How the computation ended.
     start : array, shape (n,), or None
-        State that was asked for, where the certificate compares it with the first one.
+        The requested initial state, which the certificate compares with the first state.
     """
 
     KIND: ClassVar[str] = "trajectory"
@@ -99,7 +99,7 @@ class Trajectory(Result):
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         if self.outcome.ok:
             return self.outcome.message
         label = self.outcome.label
@@ -267,13 +267,32 @@ class Trajectory(Result):
 
     def _sample_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
-        from stickslip.motion.between import dense
+        from stickslip.motion.between.flights import states_in_flights
 
         p, k = self._problem, self.knots
+        states = np.empty((len(clock), k.state.shape[1]))
+        flown = states_in_flights(p, k, index, clock, states)
+        if not np.any(flown):
+            return self._sample_steps(k, clock, index)
+        out = np.empty((len(clock), p.compiled.layout.rows + 3))
+        # What a flight comes to needs no step from the knot before it: it is a knot itself.
+        own = index[flown]
+        parts = clock[flown], states[flown], k.mode[own], k.region[own], k.cause[own]
+        reached = Knots(*parts, origin=k.origin)
+        out[flown] = self._sample_steps(reached, clock[flown], np.arange(len(own)))
+        if not np.all(flown):
+            out[~flown] = self._sample_steps(k, clock[~flown], index[~flown])
+        return out
+
+    def _sample_steps(self, knots: Knots, clock: Array, index: Array) -> Array:
+        """The same, by the series that the motion was computed by."""
+        from stickslip.motion.between import dense
+
+        p = self._problem
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
         order = in_order(clock, index)
-        given = self._seen, k.record, index[order], clock[order], work, out
+        given = self._seen, knots.record, index[order], clock[order], work, out
         unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
         return as_asked(out, order)
 
@@ -283,7 +302,7 @@ class Trajectory(Result):
 
     def _states_on_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
-        from stickslip.motion.affine.between import states_in_flights
+        from stickslip.motion.between.flights import states_in_flights
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), k.state.shape[1]))
@@ -320,7 +339,7 @@ class Trajectory(Result):
         """Energy, work and violations at the knots, recomputed from them."""
         k = self.knots
         rows = self._problem.compiled.layout.rows
-        energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
+        energy = self._sample_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
         return audited(self._problem, k, self._seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------
@@ -352,14 +371,14 @@ class Trajectory(Result):
         times = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = float(self.knots.time[0]), float(self.knots.time[-1])
         if side not in ("left", "right"):
-            raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
+            raise DeclarationError("side", f"{side!r} is not a side", "Use 'left' or 'right'")
         shape = times.shape
         clock = np.ascontiguousarray(times.ravel()) - self.knots.origin
         if times.size and not (
             np.all(clock >= self.knots.clock[0]) and np.all(clock <= self.knots.clock[-1])
         ):
             raise DeclarationError(
-                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+                "t", "a time is outside the computed time span", f"Use {first:g} <= t <= {last:g}"
             )
         index = np.searchsorted(self.knots.clock, clock, side=side) - 1
         index = np.clip(index, 0, len(self.knots.clock) - 1)
@@ -607,11 +626,11 @@ class Trajectory(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the motion."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "t_span": list(self.t_span),
@@ -624,7 +643,7 @@ class Trajectory(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         from stickslip.display.symbols import unicode_symbol
 
         final = [f"{unicode_symbol(name)} = {value:.6g}" for name, value in self.final.items()]
@@ -724,7 +743,7 @@ class Trajectory(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A motion from its knots."""
+        """Restore a stored motion from its knots."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")
@@ -740,12 +759,12 @@ class Trajectory(Result):
         problem = Problem(system, checked.parameters, *numbers, origin=origin)
         n = len(system.declaration.state)
         if knots.state.ndim != 2 or knots.state.shape[1] != n or len(knots.time) == 0:
-            raise StickslipError(f"{where}: the stored states do not fit the stored system")
+            raise StickslipError(f"{where}: the stored states do not match the stored system")
         outcome = Outcome.from_code(settings["outcome"])
         asked = settings.get("start")
         start = None if asked is None else np.array(asked, float)
         if start is not None and start.shape != (n,):
-            raise StickslipError(f"{where}: the stored start does not fit the stored system")
+            raise StickslipError(f"{where}: the stored start does not match the stored system")
         span = tuple(settings["t_span"])
         trajectory = cls(problem, span, knots, outcome, settings["rtol"], start)
         trajectory.wall_time = settings["wall_time"]

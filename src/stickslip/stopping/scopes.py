@@ -191,7 +191,7 @@ def limited(limit: float | None, what: str) -> Iterator[Watch]:
             if not own.ends(up):
                 raise
             raise TimeLimitError(
-                what, f"none was found within the time limit of {limit:g} s", "Raise time_limit"
+                what, f"no result within the time limit of {limit:g} s", "Increase time_limit"
             ) from None
 
 
@@ -261,5 +261,5 @@ def check_limit(limit: float | None) -> None:
     number = isinstance(limit, (int, float, np.integer, np.floating))
     if isinstance(limit, bool) or not number or not 0.0 < limit < math.inf:
         raise DeclarationError(
-            "time_limit", f"{limit!r} is no duration", "Give seconds, a positive number"
+            "time_limit", f"{limit!r} is not a duration", "Give a positive number of seconds"
         )

@@ -26,7 +26,6 @@ class BySymbols(Indexed):
     ----------
     name : str
         Of the structure, or with ``d_`` for the rates.
-    structure : Structure
     """
 
     name: str
@@ -46,7 +45,6 @@ class InForms(Indexed):
 
     Attributes
     ----------
-    part : InModes
     prefix : str
         ``"d_"`` of rates.
     """
@@ -76,13 +74,7 @@ class InForms(Indexed):
 
 @dataclass(frozen=True)
 class InModes:
-    """A structure in a system that is written out: coordinates are its modes of unit mass.
-
-    Attributes
-    ----------
-    name : str
-    structure : Structure
-    """
+    """A structure in a system that is written out: coordinates are its modes of unit mass."""
 
     name: str
     structure: Structure
@@ -94,11 +86,11 @@ class InModes:
 
     @property
     def unit(self) -> str:
-        """Of displacements."""
+        """Unit of displacements."""
         return self.structure.unit
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands."""
+        """Index of a degree of freedom."""
         return self.structure.index(unknown)
 
     def key(self, index: int) -> UnknownKey:
@@ -144,8 +136,6 @@ def start_of(
 
     Parameters
     ----------
-    structures : mapping of str to InModes
-    given : mapping of str to float
     section : str
         Where they stand, for messages.
 
@@ -165,16 +155,17 @@ def start_of(
         try:
             prefix, name, index = entry_of(text, structures)
         except KeyError as error:
-            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+            raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
         structure = structures[name].structure
         if index not in structure.own:
             raise DeclarationError(
                 where,
-                "it is not a coordinate of a reduced structure, so that its value determines none",
-                f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+                "it is not a coordinate of the reduced structure",
+                "Keep it in the reduction, or give values of modes, like "
+                f"{prefix}{structures[name].coordinates[0]}",
             )
         if not is_finite(value):
-            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+            raise DeclarationError(where, "not a finite number", "Give a finite number")
         rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
     found: dict[str, float] = {}
     for (prefix, name), row in rows.items():
@@ -197,7 +188,6 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
     ----------
     text : str
         Such as ``d_u[tip]``.
-    structures : mapping of str to InModes
 
     Raises
     ------
@@ -211,12 +201,7 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
 
 
 def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:
-    """Unknowns that results show, and their rates, as rows of modes.
-
-    Parameters
-    ----------
-    structures : mapping of str to InModes
-    """
+    """Unknowns that results show, and their rates, as rows of modes."""
     names = [
         f"{prefix}{name}[{unknown}]"
         for name, part in structures.items()

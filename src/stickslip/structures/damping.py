@@ -16,17 +16,17 @@ _ROUNDED = 4.0 * np.finfo(float).eps  # of a sum of magnitudes, what may be roun
 
 @dataclass(frozen=True)
 class ProportionalDamping:
-    """Rayleigh's damping, C = α M + β K.
+    """Rayleigh damping, C = α M + β K.
 
     Attributes
     ----------
     alpha, beta : float
-        At least zero; α in 1/time, β in time.
+        Nonnegative; α in 1/time, β in time.
 
     Raises
     ------
     DeclarationError
-        If one of them is negative, or no number.
+        If one of them is negative or not a number.
     """
 
     alpha: float
@@ -47,25 +47,25 @@ class ProportionalDamping:
         return self.alpha + self.beta * squares
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"alpha": self.alpha, "beta": self.beta}
 
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """Parts of critical damping, mode by mode: a mode with angular frequency ω has the damping
-    2ζω for each unit of its mass.
+    """Damping as a fraction of critical damping, mode by mode: a mode with angular frequency ω has
+    the damping 2ζω per unit of modal mass.
 
     Attributes
     ----------
     ratios : float or sequence of float
-        ζ of the modes, in the order of their frequencies; the last one holds for all further modes,
-        so that one number is the ratio of all.
+        ζ of the modes, in order of frequency; the last one applies to all further modes, so a
+        single number applies to all.
 
     Raises
     ------
     DeclarationError
-        If a ratio is negative, or no number.
+        If a ratio is negative or not a number.
     """
 
     ratios: float | Sequence[float]
@@ -95,7 +95,7 @@ class ModalDamping:
         return 2.0 * ratios[each] * np.sqrt(squares)
 
     def plain(self) -> dict[str, object]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
         return {"ratios": self.ratios}
 
 
@@ -134,8 +134,10 @@ def damping_of_shapes(damping: Array, shapes: Array) -> Array:
 def _not_negative(value: object, where: str) -> float:
     if not is_finite(value):
         raise DeclarationError(
-            where, f"'{short(str(value))}' is not a finite number", "Give a number"
+            where, f"'{short(str(value))}' is not a finite number", "Give a finite number"
         )
     if value < 0.0:
-        raise DeclarationError(where, f"{value:g} would feed energy in", "Damping is at least zero")
+        raise DeclarationError(
+            where, f"{value:g} is negative and would create energy", "Give a value >= 0"
+        )
     return float(value)

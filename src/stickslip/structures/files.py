@@ -26,10 +26,6 @@ def packed_structure(structure: Structure) -> dict[str, Any]:
     """What a model file says of a structure: names and rules as they are, arrays as one text.
 
     Its modes are among them: others, which rounding makes elsewhere, would be other coordinates.
-
-    Parameters
-    ----------
-    structure : Structure
     """
     arrays: dict[str, Any] = {}
     for name in ("mass", "stiffness", "damping", "basis"):
@@ -73,7 +69,6 @@ def from_plain(table: Mapping[str, Any], where: str, folder: Path = Path()) -> S
         1e-6}``. With ``keep``, ``modes`` and ``method`` it is reduced. Or ``packed``.
     where : str
         The key, for messages.
-    folder : path
 
     Raises
     ------
@@ -99,7 +94,7 @@ def from_plain(table: Mapping[str, Any], where: str, folder: Path = Path()) -> S
             damping = _rule(damping, "damping")
         unit = table.get("unit", "")
         if not isinstance(unit, str):
-            raise DeclarationError("unit", "expected a text", 'Write it in quotes, like "m"')
+            raise DeclarationError("unit", "expected a string", 'Write it in quotes, like "m"')
         made = Structure(mass, stiffness, damping, table.get("names"), unit=unit)
         if table.keys() & {"keep", "modes", "method"}:
             return made.reduced(
@@ -122,7 +117,7 @@ def _rule(given: object, where: str) -> ProportionalDamping | ModalDamping:
             return ProportionalDamping(alpha, beta)
     raise DeclarationError(
         where,
-        "neither a matrix nor a rule",
+        "not a matrix or a damping rule",
         'Write it like "C.mtx", {ratios = [0.01]} or {alpha = 1.0, beta = 1e-6}',
     )
 
@@ -136,16 +131,14 @@ def _read(given: object, where: str, folder: Path) -> Symmetric:
     kind = path.suffix.lower()
     if kind not in _KINDS:
         raise DeclarationError(
-            where, f"'{short(file)}' is of no kind that is read", f"Give {', '.join(_KINDS)}"
+            where, f"unknown file format '{short(file)}'", f"Use one of {', '.join(_KINDS)}"
         )
     try:
         return _matrix_in(path, kind, variable, where)
     except DeclarationError:
         raise
     except FileNotFoundError:
-        raise DeclarationError(
-            where, f"there is no file '{short(file)}'", "Check the path"
-        ) from None
+        raise DeclarationError(where, f"no such file: '{short(file)}'", "Check the path") from None
     except Exception as error:  # readers raise whatever they like
         raise DeclarationError(
             where, f"'{short(file)}' cannot be read ({short(str(error))})", "Check the file"
@@ -178,7 +171,9 @@ def _chosen(variable: str, known: list[str], where: str) -> str:
     if variable not in known:
         raise DeclarationError(
             where,
-            f"it has no '{short(variable)}'" if variable else "it holds several arrays",
+            f"the file has no array '{short(variable)}'"
+            if variable
+            else "the file has several arrays",
             f"Name one of {', '.join(known[:10])}, as in file:{known[0] if known else 'K'}",
         )
     return variable
@@ -198,7 +193,7 @@ def _unpacked(table: Mapping[str, Any], where: str) -> Structure:
         left_out = None if left is None else LeftOut(*left)
     except (ValueError, TypeError, KeyError, IndexError, EOFError, zipfile.BadZipFile):
         raise DeclarationError(
-            f"{where}.packed", "the packed arrays are damaged", "Write the file once more"
+            f"{where}.packed", "the packed arrays are damaged", "Write the file again"
         ) from None
     damping = matrices["damping"]
     if "damping" in table:
@@ -217,7 +212,7 @@ def _unpacked(table: Mapping[str, Any], where: str) -> Structure:
         squares, modes = (np.asarray(found.get(name, 0)) for name in ("squares", "modes"))
         if squares.shape != (n,) or modes.shape != (n, n):
             raise DeclarationError(
-                "packed", "the packed modes do not fit", "Write the file once more"
+                "packed", "the packed modes do not match the structure", "Write the file again"
             )
         remember_modes(made, squares.astype(float), modes.astype(float))
     return made

@@ -38,7 +38,6 @@ def vectors_of_largest(
     solve : callable
         Multiplies columns by A⁻¹, which is symmetric and positive definite.
     mass : sparse array, shape (n, n)
-    count : int
     nearer : callable, optional
         Asked, with estimates of the largest eigenvalues, for a solution with another A that has the
         same vectors and tells them apart better; None: there is none.
@@ -79,7 +78,9 @@ def vectors_of_largest(
                 return basis @ ritz[:, :count]
             if made >= _MOST * (count + width):
                 raise ConvergenceError(
-                    "modes", f"{made} vectors do not hold {count} modes", "Ask for fewer modes"
+                    "modes",
+                    f"{made} Lanczos vectors are not enough for {count} modes",
+                    "Request fewer modes",
                 )
             better = None
             if nearer and 2 * size >= 3 * count:

@@ -49,7 +49,7 @@ def check_memory(n: int) -> None:
     if needed > _MOST_MEMORY:
         raise DeclarationError(
             "structure",
-            f"all modes of {n:,} unknowns take full matrices, {_bytes(needed)} of memory",
+            f"all modes of {n:,} degrees of freedom need full matrices, {_bytes(needed)} of memory",
             "Reduce it: structure.reduced(keep=[...], modes=20)",
         )
 
@@ -64,7 +64,6 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
 
     Parameters
     ----------
-    given : array or sparse array
     what : str
         How errors call it.
     said : callable
@@ -83,19 +82,20 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
         try:
             matrix = values = np.array(given)
         except ValueError:
-            raise DeclarationError(what, "its rows differ in length", "Give a square one") from None
+            raise DeclarationError(
+                what, "its rows have different lengths", "Give a square matrix"
+            ) from None
     if values.dtype.kind == "c":
         raise DeclarationError(
             what,
-            "it is complex",
-            "Give real matrices; a loss factor does not describe damping in time, take "
-            "ModalDamping(factor/2)",
+            "the matrix is complex",
+            "Give real matrices; replace a loss factor by ModalDamping(factor/2)",
         )
     if values.dtype.kind not in "fiu":
-        raise DeclarationError(what, "not all of its entries are numbers", "Give numbers")
+        raise DeclarationError(what, "its entries are not all numbers", "Give numbers")
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         shape = " x ".join(map(str, matrix.shape)) or "a number"
-        raise DeclarationError(what, f"it is {shape}, not a square matrix", "Give n x n numbers")
+        raise DeclarationError(what, f"it is {shape}, not a square matrix", "Give a square matrix")
     if not np.all(np.isfinite(values)):
         i, j = _where(matrix, lambda part: ~np.isfinite(part))
         raise DeclarationError(
@@ -147,10 +147,10 @@ def _symmetric(matrix: Symmetric, what: str, said: Callable[[int], str]) -> Symm
         i, j = sorted((int(rows[worst]), int(columns[worst])))
         raise DeclarationError(
             what,
-            f"it is not symmetric: [{said(i)}, {said(j)}] is {matrix[i, j]:.9g}, "
-            f"[{said(j)}, {said(i)}] is {matrix[j, i]:.9g}",
-            "Give both halves of a symmetric matrix; gyroscopic and circulatory forces are no part "
-            "of a structure",
+            f"not symmetric: [{said(i)}, {said(j)}] is {matrix[i, j]:.9g}, [{said(j)}, "
+            f"{said(i)}] is {matrix[j, i]:.9g}",
+            "Give the full symmetric matrix; structures do not support gyroscopic and "
+            "circulatory forces",
         )
     return (matrix + other) / 2.0
 
@@ -247,7 +247,6 @@ def lowest_modes(
     Parameters
     ----------
     stiffness, mass : matrix, shape (n, n)
-    count : int
     factor : Factored, optional
         Of the stiffness, if there is one already.
 
@@ -329,8 +328,8 @@ def _shifted(
     if found != last:
         raise ConvergenceError(
             "modes",
-            f"{last} were found below {np.sqrt(below):.6g}, and there are {found}",
-            "Ask for some more modes",
+            f"{last} modes were found below {np.sqrt(below):.6g}, but the structure has {found}",
+            "Request a few more modes",
         )
     return squares[:count], modes[:, :count]
 

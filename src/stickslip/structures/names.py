@@ -18,11 +18,6 @@ _ENTRY = re.compile(r"\s*(d_)?([A-Za-z]\w*)\s*\[\s*(\w+)\s*\]\s*\Z")
 def entry_of(text: str, structures: Mapping[str, AnyPart]) -> tuple[str, str, int]:
     """What a name like ``d_u[tip]`` means: ``"d_"`` or nothing, the structure, the index.
 
-    Parameters
-    ----------
-    text : str
-    structures : mapping of str to Structure, or what is left of it
-
     Raises
     ------
     KeyError
@@ -31,7 +26,7 @@ def entry_of(text: str, structures: Mapping[str, AnyPart]) -> tuple[str, str, in
     match = _ENTRY.match(text)
     if match is None or match[2] not in structures:
         known = ", ".join(f"{name}[0]" for name in structures)
-        raise KeyError(f"Write it like {known}" if known else "There are no structures")
+        raise KeyError(f"Write it like {known}" if known else "The system has no structures")
     return match[1] or "", match[2], structures[match[2]].index(match[3])
 
 

@@ -22,7 +22,6 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> InShapes
 
     Parameters
     ----------
-    structure : Structure
     keep : list of int
         Unknowns that are coordinates.
     count : int
@@ -52,8 +51,8 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> InShapes
         if factor.singular:
             raise DeclarationError(
                 "keep",
-                "the structure can still move while the kept unknowns are fixed",
-                'Keep more of them, such as all of one node, or take method="modal"',
+                "the structure has rigid-body motions while the kept degrees of freedom are fixed",
+                'Keep more of them, such as all of one node, or use method="modal"',
             )
         wanted = min(count + 1, len(free))
         squares, modes = lowest_modes(inner, block_of(m, free, free), wanted, factor)
@@ -77,7 +76,6 @@ def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
 
     Parameters
     ----------
-    structure : Structure
     keep : list of int
         Unknowns at which the static error is said.
     count : int
@@ -91,7 +89,9 @@ def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
     from stickslip.structures.structure import LeftOut
 
     if count == 0:
-        raise DeclarationError("modes", "none is asked for", "Give a whole number, like 20")
+        raise DeclarationError(
+            "modes", "no modes and no kept degrees of freedom", "Give an integer, like 20"
+        )
     n = structure.coordinates
     count = min(count, n)
     squares, shapes = lowest_modes(structure.stiffness, structure.mass, min(count + 1, n))

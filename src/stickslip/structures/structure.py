@@ -32,7 +32,7 @@ _ROUNDED = 64.0 * np.finfo(float).eps  # of an entry, what may be rounding
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What a reduction has left out.
+    """The modes omitted by a reduction.
 
     Attributes
     ----------
@@ -57,33 +57,34 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure:
-    """A linear structure, M ü + C u̇ + K u = f, by its matrices.
+    """A linear structure, M ü + C u̇ + K u = f, given by its matrices.
 
-    Formulas of a system in which it is called u name single unknowns: ``u[3]``, or ``u[tip]`` if
-    that has a name, and rates ``d_u[tip]``.
+    If it is named u in a system, formulas use its degrees of freedom as ``u[3]``, or ``u[tip]`` by
+    name, and their rates as ``d_u[tip]``.
 
     Attributes
     ----------
     mass, stiffness : array or sparse array, shape (n, n)
-        Symmetric; the mass positive definite, the stiffness positive semidefinite: where it is
-        singular the structure has rigid modes. Symmetric up to 9 digits is symmetric.
+        Symmetric; the mass positive definite, the stiffness positive semidefinite: if it is
+        singular, the structure has rigid modes. Symmetry is checked to 9 digits.
     damping : array or sparse array, ProportionalDamping, ModalDamping or None
-        A matrix, symmetric and positive semidefinite, or a rule; none by default.
+        A symmetric positive semidefinite matrix, or a damping rule; no damping by default.
     names : list of str, or mapping of str to int
-        Of all unknowns, or of some, by index. Held as a mapping.
+        Names of all degrees of freedom, or of some by index. Stored as a mapping.
     unit : str
-        Of displacements.
+        Unit of displacements.
     basis : array, shape (N, n), optional
-        What unknowns are of n coordinates, where they are not these: columns are shapes, as
-        reductions, ours and others', give them. Indices and names are those of rows, then.
+        Degrees of freedom as linear combinations of n coordinates, for a reduced structure: the
+        columns are shapes, from a reduction by this or another program. Indices and names then
+        refer to rows.
     left_out : LeftOut, optional
-        What a reduction has left out.
+        The modes omitted by a reduction.
 
     Raises
     ------
     DeclarationError
-        If a matrix is not symmetric, has no proper definiteness, or holds something else than
-        finite numbers, sizes do not fit, or a name is none, is there twice, or names nothing.
+        If a matrix is not symmetric, not positive (semi)definite or not finite, shapes do not
+        match, or a name is invalid, duplicate or refers to no degree of freedom.
 
     Examples
     --------
@@ -104,7 +105,7 @@ class Structure:
     def __post_init__(self) -> None:
         put = object.__setattr__
         if not isinstance(self.unit, str):
-            raise DeclarationError("unit", "expected a text", 'Write it in quotes, like "m"')
+            raise DeclarationError("unit", "expected a string", 'Write it in quotes, like "m"')
         names = _indices(self.names)
         called = {index: name for name, index in names.items()}
 
@@ -121,7 +122,9 @@ class Structure:
             if matrix.shape != mass.shape:
                 n, m = matrix.shape[0], mass.shape[0]
                 raise DeclarationError(
-                    what, f"it is {n} x {n}, the mass {m} x {m}", "Give matrices of one size"
+                    what,
+                    f"its shape is ({n}, {n}), but that of the mass is ({m}, {m})",
+                    "Give matrices of the same size",
                 )
         if len({is_sparse(matrix) for matrix in sizes.values()}) > 1:
             from scipy.sparse import csc_array
@@ -142,12 +145,12 @@ class Structure:
 
     @property
     def unknowns(self) -> int:
-        """How many unknowns formulas may name."""
+        """Number of degrees of freedom available in formulas."""
         return int((self.mass if self.basis is None else self.basis).shape[0])
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates it moves by: as many, unless it has a basis."""
+        """Number of coordinates; the number of degrees of freedom, unless a basis is given."""
         return int(self.mass.shape[0])
 
     @property
@@ -160,11 +163,11 @@ class Structure:
         return {index: name for name, index in self.indices.items()}
 
     def key(self, index: int) -> UnknownKey:
-        """What an unknown is called: by its name, if it has one."""
+        """Name of a degree of freedom, or its index if it has none."""
         return self._called.get(index, index)
 
     def index(self, unknown: UnknownKey) -> int:
-        """Where an unknown stands.
+        """Index of a degree of freedom.
 
         Raises
         ------
@@ -173,10 +176,12 @@ class Structure:
         """
         names = self.indices
         if isinstance(unknown, str) and unknown not in names and not unknown.isdecimal():
-            raise KeyError(suggestion(unknown, names) if names else "Its unknowns have no names")
+            raise KeyError(
+                suggestion(unknown, names) if names else "Its degrees of freedom have no names"
+            )
         index = names[unknown] if isinstance(unknown, str) and unknown in names else int(unknown)
         if not 0 <= index < self.unknowns:
-            raise KeyError(f"Its unknowns are 0 to {self.unknowns - 1}")
+            raise KeyError(f"Use an index from 0 to {self.unknowns - 1}")
         return index
 
     @cached_property
@@ -241,7 +246,7 @@ class Structure:
         return shapes if self.basis is None else self.basis @ shapes
 
     def shape_at(self, index: int) -> Array:
-        """What the modes are at one unknown, shape (n,)."""
+        """Values of the mode shapes at one degree of freedom, shape (n,)."""
         shapes = self._eigen[1]
         return shapes[index] if self.basis is None else self.basis[index] @ shapes
 
@@ -273,7 +278,7 @@ class Structure:
         *,
         method: Method = "craig-bampton",
     ) -> Structure:
-        """A structure with fewer coordinates that moves alike below some frequency.
+        """Reduce the structure to fewer coordinates, with the same dynamics at low frequencies.
 
         Parameters
         ----------
@@ -309,8 +314,8 @@ class Structure:
         if modes < 0 or method not in ("craig-bampton", "modal"):
             raise DeclarationError(
                 "modes" if modes < 0 else "method",
-                f"{modes} is negative" if modes < 0 else f"there is no '{short(method)}'",
-                "Give a whole number, like 20"
+                f"{modes} is negative" if modes < 0 else f"unknown method '{short(method)}'",
+                "Give an integer, like 20"
                 if modes < 0
                 else suggestion(method, ("craig-bampton", "modal"), '"'),
             )
@@ -335,30 +340,30 @@ class Structure:
         for unknown in keep:
             where = f"keep: {short(str(unknown))}"
             if isinstance(unknown, bool) or not isinstance(unknown, int | str | np.integer):
-                raise DeclarationError(where, "neither an index nor a name", "Give one of these")
+                raise DeclarationError(where, "not an index or a name", "Give an index or a name")
             try:
                 index = self.index(unknown if isinstance(unknown, str) else int(unknown))
             except KeyError as error:
-                raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+                raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
             if index in found:
-                raise DeclarationError(where, "it is kept twice", "Name it once")
+                raise DeclarationError(where, "it is listed twice", "List it once")
             if fixed and index not in self.own:
                 raise DeclarationError(
                     where,
-                    "it is not a coordinate of this structure, which is reduced already",
-                    'Reduce the original, or take method="modal"',
+                    "it is not a coordinate of this structure, which is already reduced",
+                    'Reduce the original structure, or use method="modal"',
                 )
             found.append(index)
         if fixed and not found:
             raise DeclarationError(
                 "keep",
-                "nothing is kept",
-                'Name the unknowns with contacts and loads, or take method="modal"',
+                "no degrees of freedom are kept",
+                'List those with contacts and loads, or use method="modal"',
             )
         return found
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it: its arrays as one text."""
+        """Plain data for a model file, with arrays as one string."""
         from stickslip.structures.files import packed_structure
 
         return packed_structure(self)
@@ -395,12 +400,12 @@ class Structure:
         return f"<Structure {self.digest}: {self}>"
 
     def __str__(self) -> str:
-        named = f", {len(self.indices)} with names" if self.indices else ""
+        named = f", {len(self.indices)} named" if self.indices else ""
         by = f", {self.coordinates:,} coordinates" if self.basis is not None else ""
-        return f"{self.unknowns:,} unknowns{named}{by}"
+        return f"{self.unknowns:,} degrees of freedom{named}{by}"
 
     def summary(self) -> Summary:
-        """What there is to say on a page: sizes, frequencies, damping, what was left out."""
+        """Summary: sizes, frequencies, damping, and omitted modes."""
         from stickslip.results import Summary
 
         rows = [("unknowns", f"{self.unknowns:,}")]
@@ -416,16 +421,21 @@ class Structure:
         else:
             rigid = int(np.count_nonzero(frequencies == 0.0))
             if rigid:
-                rows.append(("rigid modes", f"{rigid}: the stiffness is singular, it may drift"))
+                rows.append(
+                    (
+                        "rigid modes",
+                        f"{rigid}: the stiffness is singular, and the structure may drift",
+                    )
+                )
             rows.append(("frequencies", _some([f"{omega:.6g}" for omega in frequencies[rigid:]])))
             data |= {"rigid_modes": rigid, "frequencies": frequencies[rigid:].tolist()}
         rows.append(("damping", self._damping_in_words()))
         if (left := self.left_out) is not None:
-            rows.append(("reduced from", f"{left.unknowns:,} unknowns, {left.method}"))
-            rows.append(("first frequency left out", f"{left.frequency:.6g}"))
+            rows.append(("reduced from", f"{left.unknowns:,} degrees of freedom, {left.method}"))
+            rows.append(("first omitted frequency", f"{left.frequency:.6g}"))
             error = left.static_error
-            said = f"{100.0 * error:.2g} %" if error == error else "no unknown is kept"
-            rows.append(("static error where kept", said))
+            said = f"{100.0 * error:.2g} %" if error == error else "none kept"
+            rows.append(("static error", said))
             data |= {"left_out": {"frequency": left.frequency, "static_error": error}}
         return Summary("Structure", tuple(rows), data, True)
 
@@ -448,7 +458,6 @@ def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
 
     Parameters
     ----------
-    structure : Structure
     squares : array, shape (n,)
     modes : array, shape (n, n)
         Of its coordinates.
@@ -492,13 +501,13 @@ def _check_names(given: Any, names: dict[str, int], count: int) -> None:
         if len(given) != count:
             raise DeclarationError(
                 "names",
-                f"there are {len(given)} for {count} unknowns",
-                'Give one for each, or some by their indices, like {"tip": 3}',
+                f"{len(given)} names were given for {count} degrees of freedom",
+                'Give one for each, or a mapping of names to indices, like {"tip": 3}',
             )
         twice = next((name for i, name in enumerate(given) if name in given[:i]), None)
         if twice is not None:
             raise DeclarationError(
-                "names", f"'{short(str(twice))}' is there twice", "Give each unknown its own"
+                "names", f"'{short(str(twice))}' is given twice", "Use a different name for each"
             )
     called: dict[int, str] = {}
     for name, index in names.items():
@@ -510,15 +519,19 @@ def _check_names(given: Any, names: dict[str, int], count: int) -> None:
             )
         if isinstance(index, bool) or not isinstance(index, int | np.integer):
             raise DeclarationError(
-                f"names.{name}", "its index is not a whole number", "Count unknowns from 0 on"
+                f"names.{name}", "its index is not an integer", "Use indices from 0"
             )
         if not 0 <= index < count:
             raise DeclarationError(
-                f"names.{name}", f"there is no unknown {index}", f"They are 0 to {count - 1}"
+                f"names.{name}",
+                f"no degree of freedom {index}",
+                f"Use an index from 0 to {count - 1}",
             )
         if index in called:
             raise DeclarationError(
-                f"names.{name}", f"unknown {index} is called '{called[index]}'", "Give it one name"
+                f"names.{name}",
+                f"degree of freedom {index} is already called '{called[index]}'",
+                "Use one name",
             )
         called[int(index)] = name
         names[name] = int(index)
@@ -533,8 +546,8 @@ def _basis(given: Any, columns: int) -> Array:
     if basis.shape[1] != columns:
         raise DeclarationError(
             "basis",
-            f"it has {basis.shape[1]} columns, and the mass {columns}",
-            "Give a column for each coordinate, and a row for each unknown",
+            f"it has {basis.shape[1]} columns, but the mass has {columns}",
+            "Give a column for each coordinate, and a row for each degree of freedom",
         )
     basis = basis.astype(float)
     basis.flags.writeable = False
@@ -547,15 +560,15 @@ def _check_positive(mass: Symmetric, said: Any) -> None:
         worst = int(np.argmin(diagonal))
         raise DeclarationError(
             "mass",
-            f"it is not positive definite: that of unknown {said(worst)} is {diagonal[worst]:g}",
-            "Remove unknowns without mass by static condensation",
+            f"not positive definite: the diagonal entry of {said(worst)} is {diagonal[worst]:g}",
+            "Remove degrees of freedom without mass by static condensation",
         )
     factor = matrices.factored(mass, solving=False)
     if factor.negative or factor.singular:
         raise DeclarationError(
             "mass",
-            f"it is not positive definite: {_lowest_of(mass, None, factor.negative)}",
-            "Check signs, and that no unknown follows from others",
+            f"not positive definite: {_lowest_of(mass, None, factor.negative)}",
+            "Check the signs, and for linearly dependent degrees of freedom",
         )
 
 
@@ -574,10 +587,12 @@ def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
     if factor.negative or factor.least == 0.0:
         raise DeclarationError(
             what,
-            f"it is indefinite: {_lowest_of(matrix, mass, factor.negative)}",
-            "Check signs; a stiffness that falls is a formula of the system, such as -k/2*u[3]**2"
+            f"indefinite: {_lowest_of(matrix, mass, factor.negative)}",
+            "Check the signs; declare a negative stiffness in the potential of the system, such "
+            "as -k/2*u[3]**2"
             if what == "stiffness"
-            else "Damping takes energy out; put what feeds it in under the forces of the system",
+            else "Damping must not create energy; declare negative damping as a force of the "
+            "system",
         )
 
 
@@ -590,7 +605,7 @@ def _lowest_of(matrix: Symmetric, mass: Symmetric | None, negative: int) -> str:
 
     by = None if mass is None else matrices.dense(mass)
     low = eigvalsh(matrices.dense(matrix), by, subset_by_index=(0, 0))[0]
-    what = "the lowest" if mass is None else "relative to the mass the lowest"
+    what = "the smallest" if mass is None else "relative to the mass, the smallest"
     return f"{what} of its {n} eigenvalues is {low:.6g}"
 
 

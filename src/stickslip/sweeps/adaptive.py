@@ -31,15 +31,15 @@ _COARSEST = 8  # cells along an axis to begin with, at least
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Where a map is refined.
+    """Criteria for the refinement of a map.
 
     Attributes
     ----------
     by : tuple of str
         ``"outcome"`` and measures.
     contrast : float
-        Change of a measure within a cell that asks for more points, relative to its range over the
-        map.
+        Change of a measure within a cell above which points are added, relative to the range of the
+        measure over the map.
     """
 
     by: tuple[str, ...] = ("outcome",)
@@ -60,17 +60,23 @@ def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
     for name in adaptive.by:
         if name not in known:
             raise DeclarationError(
-                "adaptive", f"'{short(name)}' is not measured", f"Measured: {', '.join(known)}"
+                "adaptive",
+                f"'{short(name)}' is not one of the measures",
+                f"Measured: {', '.join(known)}",
             )
     if not adaptive.by or not 0.0 < adaptive.contrast < 1.0:
         raise DeclarationError(
-            "adaptive", "a contrast between 0 and 1, of something measured, is needed", "Try 0.05"
+            "adaptive",
+            "the contrast is not a number between 0 and 1, or nothing is measured",
+            "Try 0.05",
         )
     for axis in store.grid.axes:
         if not axis.ordered:
             names = ",".join(axis.names)
             raise DeclarationError(
-                "adaptive", f"the values of {names} have no order", "Vary one parameter by a range"
+                "adaptive",
+                f"the values of {names} are not ordered",
+                "Vary one parameter over a range",
             )
 
 

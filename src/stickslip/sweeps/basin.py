@@ -48,8 +48,20 @@ if TYPE_CHECKING:
     from stickslip.orbits.settling.motions import Settings
 
 _STOPPED = -1  # labels of motions that are on no attractor
-ON_ITS_WAY = -2
+ON_ITS_WAY = -2  # neither irregular nor slow, as far as it was followed
 UNDAMPED = -3
+PARTING = -4
+SLOWLY = -5
+_NOT_COMPUTED = -6
+ON_NONE = {
+    _NOT_COMPUTED: "not computed",
+    SLOWLY: Outcome.SLOW.label,
+    PARTING: Outcome.IRREGULAR.label,
+    UNDAMPED: Outcome.UNDAMPED.label,
+    ON_ITS_WAY: Outcome.NOT_SETTLED.label,
+    _STOPPED: "stopped",
+}
+"""What is said of motions that are on no attractor, by label."""
 _ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
 _SAME = 1e-6  # relative difference of periods, and of ranges, that is none
 _LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
@@ -72,7 +84,6 @@ class Attractor:
         One of its states.
     period, speed : float
         0 where there is none.
-    extrema : dict of str to (float, float)
     certified : bool
         Whether every motion that reached it is certified, and its cycle, if it has one.
     family : bool
@@ -135,38 +146,38 @@ def basin(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Basin:
-    """Which attractor each state of a section of initial states reaches.
+    """Compute the attractor that each state of a section of initial states reaches.
 
     Parameters
     ----------
     system : System
     over : mapping of str to axis
-        The states that vary, usually two, as for :func:`stickslip.sweep`:
-        ``{"psi": "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
+        The initial values that vary, usually two, as for :func:`stickslip.sweep`: ``{"psi":
+        "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
     initial : mapping of str to float, optional
-        Of the other states; by default the declared ones. A rate-independent coordinate that
-        friction cannot hold there starts at the nearest place at which it can.
+        Initial values of the other states; by default the declared ones. A rate-independent
+        coordinate outside the stable set starts at the nearest stable value.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     span : (float, float), optional
-        Time span in place of that of the system: motions begin with it, and are given up after 100
-        times as long.
+        Time span that replaces the span of the system: motions start at its beginning, and are
+        abandoned after 100 times its length.
     settings : Settings, optional
-        How a motion settles, and the accuracy.
+        Criteria for settled motions, and the accuracy.
     workers : int, optional
-        Threads; by default all cores. The result does not depend on it.
+        Number of threads; by default all cores. The result does not depend on it.
     time_limit : float, optional
-        Seconds of processor time that a motion may take; one that takes longer counts as stopped.
+        Processor-time limit of a motion in seconds; a motion that exceeds it counts as stopped.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
     Basin
         Its dataset has one dimension for each name in `over`: ``attractor``, a code with
-        flag_meanings; negative
-        where a motion stopped (−1), did not settle (−2) or goes on undamped (−3); and ``lacking``,
-        what the certificate of each motion lacks. Dimension ``reached``: ``kind``, ``period``,
+        flag_meanings; negative where a motion stopped (−1), spent its budget (−2), is undamped
+        (−3), irregular (−4), slow (−5), or was not computed (−6); and ``lacking``, the failed
+        criterion of the certificate of each motion. Dimension ``reached``: ``kind``, ``period``,
         ``speed``, ``share`` of the section, ``state_…`` of one state, ``low_…`` and ``high_…`` of
         each attractor, ``certified``, ``stability`` of a cycle, and whether it is one of a
         ``family``.
@@ -184,15 +195,17 @@ def basin(
     if known_for_a_time(system):
         raise DeclarationError(
             "basin",
-            f"the samples that drive {system.name} end, and no state reaches anything",
-            "Let the samples be periodic, or measure the motion over their span: ss.sweep",
+            f"the samples that drive {system.name} end, so no motion settles",
+            "Declare the samples periodic, or use ss.sweep to measure the motion over their span",
         )
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
     given = system.started(initial or {})
     if twice := [name for name in given if name in varying]:
-        raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
+        raise DeclarationError(
+            f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"
+        )
     problem.initial_state(given)  # refuses what is none
     plan = Plan(
         system.with_parameters(**problem.parameters),
@@ -212,7 +225,7 @@ def basin(
         pool = Pool("threads", workers)
         interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
     done = store.outcome.ravel() >= 0
-    label = np.full(done.size, ON_ITS_WAY)
+    label = np.full(done.size, _NOT_COMPUTED)
     lacks = np.full(done.size, LACKING.index("result"))
     reached = []
     if np.any(done):
@@ -283,11 +296,13 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
             raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
-                where, "its values do not rise", "Give two or more, as in -2:2:80"
+                where,
+                "its values do not increase",
+                "Give at least two increasing values, as in -2:2:80",
             )
     if math.prod(map(len, axes)) > _MOST_STATES:
         raise DeclarationError(
-            "over", f"the section has more than {_MOST_STATES:,} states", "Give fewer values"
+            "over", f"the section has more than {_MOST_STATES:,} states", "Use fewer values"
         )
     return axes
 
@@ -298,7 +313,7 @@ class _Census:
     Attributes
     ----------
     label : array of int, shape (motions,)
-        Number of the attractor, the most often reached first, or STOPPED, ON_ITS_WAY or UNDAMPED.
+        Number of the attractor, the most often reached first, or one of :data:`ON_NONE`.
     reached : list of (Attractor, int)
         With the number of motions.
     """
@@ -314,7 +329,12 @@ class _Census:
         self.label[np.isin(found.outcome, [Outcome.NOT_SETTLED.code, Outcome.PERIODIC.code])] = (
             ON_ITS_WAY
         )
-        self.label[found.outcome == Outcome.UNDAMPED.code] = UNDAMPED
+        for kind, own in (
+            (Outcome.UNDAMPED, UNDAMPED),
+            (Outcome.IRREGULAR, PARTING),
+            (Outcome.SLOW, SLOWLY),
+        ):
+            self.label[found.outcome == kind.code] = own
         for number, (_, members) in enumerate(groups):
             self.label[members] = number
         self.reached = [(attractor, len(members)) for attractor, members in groups]
@@ -483,11 +503,11 @@ def _dataset(
 
     reached = [attractor for attractor, _ in found]
     names = [_title(a, reached) for a in reached]
-    codes = [UNDAMPED, ON_ITS_WAY, _STOPPED, *range(len(reached))]
+    nowhere = [said.replace(" ", "_") for said in ON_NONE.values()]
     flags = {
         "long_name": "attractor reached",
-        "flag_values": np.array(codes, np.int8),
-        "flag_meanings": " ".join(["undamped", "not_settled", "stopped", *names]),
+        "flag_values": np.array([*ON_NONE, *range(len(reached))], np.int8),
+        "flag_meanings": " ".join([*nowhere, *names]),
     }
     lacked = {
         "long_name": "what the certificate lacks",

@@ -45,8 +45,6 @@ def carried(
 
     Parameters
     ----------
-    system : System
-    parameter : str
     values : sequence of float
         In the order in which they are taken.
     parameters : mapping of str to float, optional

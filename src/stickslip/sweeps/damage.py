@@ -71,7 +71,6 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : Path
     kind : str
         Of which the result has to be.
 
@@ -86,7 +85,7 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
         If it has no checksums of its descriptions.
     """
     if not path.exists():
-        raise StickslipError(f"{path}: there is no such store")
+        raise StickslipError(f"{path}: no such store")
     try:
         described = json.loads((path / _DESCRIPTION).read_bytes())
         own, arrays = described["attributes"], _arrays(described)
@@ -104,12 +103,12 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise StickslipError(
             f"{path}: not a map stored by stickslip, or its description is damaged "
-            f"({_DESCRIPTION}); it is left as it is"
+            f"({_DESCRIPTION}); nothing was changed"
         ) from None
     if damaged:
         raise StickslipError(
-            f"{path}: damaged: {some(damaged, 6)}. It is left as it is: take a copy, or compute "
-            "the map again in another place"
+            f"{path}: damaged: {some(damaged, 6)}. Nothing was changed. Restore a copy, or "
+            "recompute the map in another place"
         )
     if found is None:
         unchecked(path)
@@ -123,7 +122,6 @@ def faults(
 
     Parameters
     ----------
-    path : Path
     names : sequence of str
         Variables, of which the last, the outcomes, says which points are computed.
     array : mapping

@@ -40,22 +40,23 @@ _FITTED = ("median", "dispersion")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fragility(Result):
-    """The share of records that take a system beyond a limit, over how much they are scaled.
+    """Fraction of records for which a system exceeds a limit, as a function of the scale of the
+    records.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
     dataset : xarray.Dataset
-        Over the scale and whatever else varies: ``share`` of the records that exceed the limit,
-        with the interval from ``low`` to ``high`` in which it is with 95 % (Wilson 1927), of
-        ``records`` that have a value. Over what else varies: ``median`` of the scale at which the
-        limit is exceeded, and the ``dispersion`` of its logarithm; not numbers where the shares do
-        not determine them, such as where they go from 0 to 1 in one step.
+        Over the scale and the other axes: ``share``, the fraction of the records that exceed the
+        limit, with its 95 % confidence interval from ``low`` to ``high`` (Wilson 1927), and
+        ``records``, the number of records with a value. Over the other axes: ``median`` of the
+        scale at which the limit is exceeded, and the ``dispersion`` of its logarithm; NaN if the
+        fractions do not determine them, such as where they jump from 0 to 1 in one step.
     outcome : Completion
-        That of the map.
+        The outcome of the map.
     certificate : Certificate
-        How many motions are not certified, or have no value.
+        Numbers of motions that are not certified or have no value.
     """
 
     KIND: ClassVar[str] = "fragility"
@@ -76,27 +77,27 @@ class Fragility(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is."""
+        """Title of the system."""
         return str(self.dataset.attrs["title"])
 
     @property
     def table(self) -> pandas.DataFrame:
-        """One row for each scale, and each value of what else varies."""
+        """One row per scale and value of the other axes."""
         return self.dataset[list(_ITS_OWN)].to_dataframe().reset_index()
 
     @property
     def limit(self) -> str:
-        """What is exceeded, in words."""
+        """Description of the limit."""
         about = self.dataset.attrs
         return f"{about['measure']} > {with_unit(float(about['limit']), about['units'])}"
 
     @property
     def message(self) -> str:
-        """How many records there are, and what they exceed."""
+        """Number of records and the limit."""
         return f"{self.dataset.attrs['total']} records, {self.limit}"
 
     def levels(self, named: Callable[[str], str] = str) -> Iterator[tuple[str, xarray.Dataset]]:
-        """Over the scale alone, for all values of what else varies, with what these are.
+        """Curves over the scale for all values of the other axes, with these values.
 
         Parameters
         ----------
@@ -115,7 +116,7 @@ class Fragility(Result):
             yield ", ".join(said), part
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         about = self.dataset.attrs
         return {
             **self.system.heading(),
@@ -129,7 +130,7 @@ class Fragility(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         rows = [("records", str(self.dataset.attrs["total"])), ("limit", self.limit)]
         unit = str(self.dataset[self.along].attrs.get("units", ""))
         fits: list[tuple[str, str]] = []
@@ -137,7 +138,7 @@ class Fragility(Result):
             median, dispersion = (float(part[name]) for name in _FITTED)
             text = f"median {with_unit(median, unit, 4)}, dispersion {dispersion:.3g}"
             if not math.isfinite(median):
-                text = "no median: the shares determine none"
+                text = "the median cannot be determined from these fractions"
             fits.append((said or self.along, text))
         return rows + shortened(fits)
 
@@ -158,7 +159,7 @@ class Fragility(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A fragility as it was."""
+        """Restore a stored fragility."""
         from stickslip.model.system_file import loads
 
         return cls(
@@ -175,13 +176,13 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
     data = found.dataset
     records = record_axis(data)
     if not records:
-        reason = "no axis of the map is of records"
+        reason = "the map has no axis of records"
         raise DeclarationError("fragility", reason, "Sweep over ss.Records: {'record': records}")
     if measure not in measures_of(data):
         known = suggestion(measure, measures_of(data))
-        raise DeclarationError("measure", f"the map has no '{short(measure)}'", known)
+        raise DeclarationError("measure", f"the map has no measure '{short(measure)}'", known)
     if not math.isfinite(limit):
-        raise DeclarationError("limit", f"{limit!r} is no limit", "Give a number")
+        raise DeclarationError("limit", f"{limit!r} is not a number", "Give a number")
     along = _scale_axis(found, records, over)
     values = data[measure].load()
     there = values.notnull()
@@ -204,7 +205,10 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
         "units": str(values.attrs.get("units", "")),
         "total": int(data.sizes[records]),
     }
-    result["share"].attrs = {"units": "1", "long_name": f"share of records with {measure} > limit"}
+    result["share"].attrs = {
+        "units": "1",
+        "long_name": f"fraction of records with {measure} > limit",
+    }
     result["median"].attrs = {"units": data[along].attrs.get("units", "1")}
     computed = data["outcome"].values >= 0
     bad = (data["lacking"].values != LACKING.index("nothing")) & computed & there.values
@@ -230,8 +234,8 @@ def _scale_axis(found: Map, records: str, over: str | None) -> str:
     if over is None and len(known) == 1:
         return known[0]
     if over not in known:
-        reason = "over which axis is not clear" if over is None else f"there is no axis '{over}'"
-        remedy = f"There are {', '.join(known)}" if known else "Let a scale of the records vary"
+        reason = "the axis is ambiguous" if over is None else f"unknown axis '{over}'"
+        remedy = f"Choose from {', '.join(known)}" if known else "Vary a scale of the records"
         raise DeclarationError("over", reason, remedy)
     return over
 

@@ -77,52 +77,53 @@ def frequency_response(
     steps: StepControl | None = None,
     time_limit: float | None = None,
 ) -> FrequencyResponse:
-    """The response of a system to a drive, over the frequency of the drive.
+    """Compute the response of a system to a drive over the frequency of the drive.
 
     Parameters
     ----------
     system : System
     parameter : str
-        Of which the period of the drive is a function, such as ``"omega"``.
+        The parameter on which the period of the drive depends, such as ``"omega"``.
     span : (float, float)
         Its range.
     levels : mapping or sequence of str, optional
-        One other parameter and its values, as axes of maps are written: ``{"F": [0.1, 0.2]}``,
-        ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default there is one line.
+        One other parameter and its values, in the notation of the axes of maps: ``{"F": [0.1,
+        0.2]}``, ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default a single line.
     of : str, optional
-        Whose response it is: a coordinate, an unknown of a structure, such as ``"u[tip]"``, an
-        output, or a formula of what results show, such as ``"u[tip] - u[root]"`` or
-        ``"friction_damper"``; by default the first inertial coordinate, or the first one.
+        Quantity of the response: a coordinate, a degree of freedom of a structure, such as
+        ``"u[tip]"``, an output, or a formula of quantities of results, such as ``"u[tip] -
+        u[root]"`` or ``"friction_damper"``; by default the first inertial coordinate, or the first
+        one.
     drive : str, optional
-        Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
-        default its only drive, or the force on the coordinate; of anything but a coordinate or an
-        unknown, the only force that depends on time.
+        Reference of the phases: a drive of the system, or a formula of ``t``. By default the only
+        drive, or the force on the coordinate; for other quantities, the only force that depends on
+        time.
     parameters : mapping of str to float, optional
         Values of the others.
     initial : mapping of str to float, optional
-        State in which the sweeps begin; by default the declared one.
+        Initial state of the sweeps; by default the declared one.
     points : int
-        Of a sweep, from one end of the range to the other.
+        Number of points of a sweep over the range.
     steps : StepControl, optional
-        Along the lines.
+        Step control along the lines.
     time_limit : float, optional
-        Seconds of wall-clock time after which the response is what was found.
+        Wall-clock limit in seconds; the response found so far is returned.
 
     Returns
     -------
     FrequencyResponse
-        Every point of it is a certified cycle. Cycles that no sweep meets and that no line leads to
-        are not found.
+        Every point is a certified cycle. Cycles that are neither reached by a sweep nor connected
+        to a line are not found.
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or the period of the drives is no function of the parameter.
+        If an argument is wrong, or the period of the drives does not depend on the parameter.
     """
     fixed = checked_values(system, parameters)
     if parameter not in system.parameters:
         known = suggestion(parameter, system.parameters)
-        raise DeclarationError(parameter, f"{system.name} has no such parameter", known)
+        raise DeclarationError(parameter, f"unknown parameter of {system.name}", known)
     low, high = checked_range(system, parameter, span)
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
@@ -249,7 +250,7 @@ class _Level:
         """
         if not derive(self.system.declaration).timed:
             raise DeclarationError(
-                self.system.name, "nothing drives it", "A response needs a drive, as F*cos(omega*t)"
+                self.system.name, "the system has no drive", "Add a drive, such as F*cos(omega*t)"
             )
         for end in self.span:
             pose(self.system, {**self.fixed, self.parameter: end})
@@ -257,14 +258,14 @@ class _Level:
         rates = [self.clock.rate(values) for values in ends]
         if not rates[0] * rates[1] > 0.0:
             raise DeclarationError(
-                self.parameter, "within its range the drive stands still", "Leave that value out"
+                self.parameter, "the frequency is zero within its range", "Exclude this value"
             )
         low, high = map(self.clock.period, ends)
         if abs(high - low) <= 1e-12 * high:
             raise DeclarationError(
                 self.parameter,
-                f"whatever it is, the drives have the period {high:.9g}",
-                "Give the parameter that changes their frequency",
+                f"it does not change the period of the drives, {high:.9g}",
+                "Choose the parameter that changes their frequency",
             )
         self.phase_of_drive(self.span[1])
 
@@ -349,7 +350,7 @@ class _Lines:
         both: list[list[Cycle | str]] = []
         for direction in _DIRECTIONS:
             met = self.met.get(direction, [])
-            whole = met + ["the sweep was broken off"] * (len(self.grid) - len(met))
+            whole = met + ["the sweep was interrupted"] * (len(self.grid) - len(met))
             both.append(whole if direction == "up" else whole[::-1])
         return both
 
@@ -523,7 +524,7 @@ def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
     def lowered(value: float) -> float:
         value = float(value)
         if not wanted.span[0] <= value <= wanted.span[1]:
-            raise ConvergenceError("the largest response", f"it is beyond {x} = {value:g}")
+            raise ConvergenceError("the largest response", f"it lies beyond {x} = {value:g}")
         if value not in seen:
             near = min(seen, key=lambda v: abs(v - value))
             seen[value] = moved(seen[near], {x: value})
@@ -576,9 +577,6 @@ def _response(
 
     Parameters
     ----------
-    system : System
-    fixed : dict of str to float
-    level : str
     found : list of _Lines
         Of the levels, in their order.
     ended : KeyboardInterrupt, TimeUp or None
@@ -629,8 +627,10 @@ def _certificate(found: list[_Lines]) -> Certificate:
     known = max(float(b.points[name].max(skipna=False)) for b in branches for name in errors)
     missed = float(sum(one.missed for one in found))
     more = (
-        Residual("first harmonics", known, _EXACT, note="change by the last halving of the panels"),
-        Residual("swept motions on no line", missed, 0.0),
+        Residual(
+            "first harmonics", known, _EXACT, note="change in the last refinement of the panels"
+        ),
+        Residual("swept motions that are not on a line", missed, 0.0),
     )
     return replace(own, residuals=(*own.residuals, *more))
 
@@ -699,7 +699,11 @@ def _attributes(system: System, wanted: _Level) -> dict[str, dict[str, Any]]:
         "amplitude": {**x, "long_name": f"amplitude of {x['long_name']}"},
         "harmonic": {**x, "long_name": f"first harmonic of {x['long_name']}"},
         "phase": described_as(f"phase relative to {wanted.text}", "rad"),
-        "stick": described_as("share of the time in stick", "1"),
+        "stick": described(system, "stick_fraction"),
+        **{
+            f"stick_{contact_key(c)}": described(system, f"stick_fraction:{c}")
+            for c in system.contacts
+        },
         "period": described_as("period", time),
         "dissipated": described(system, "energy_per_cycle"),
         "slips": described_as("whether a contact slips", "1"),

@@ -39,16 +39,16 @@ _NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Map(Result):
-    """A system measured at every point of a grid of parameters and initial values.
+    """Measures of a system at every point of a grid of parameters and initial values.
 
-    ``map["speed"]`` is the measure as an xarray.DataArray, ``map.dataset`` everything.
+    ``map["speed"]`` is the measure as an xarray.DataArray; ``map.dataset`` is the complete dataset.
 
     Attributes
     ----------
     dataset : xarray.Dataset
         One dimension for each axis; the measures, ``outcome``, ``certificate``, ``lacking`` and
-        ``excess``; if the state is carried, what each point hands on, ``carried_…``. Where it comes
-        from a store, values are read when they are needed.
+        ``excess``; if the state is carried, also the final state of each point, ``carried_…``.
+        Values of a stored map are read lazily.
     """
 
     KIND: ClassVar[str] = KIND
@@ -76,18 +76,17 @@ class Map(Result):
 
     @property
     def measures(self) -> list[str]:
-        """What was measured, in the order in which it was asked for."""
+        """The measures, in the given order."""
         return measures_of(self.dataset)
 
     @property
     def carried(self) -> str:
-        """Along which axis the state was carried, and in which direction; empty if points know
-        nothing of each other."""
+        """Axis and direction along which the state was carried; empty if points are independent."""
         return how_carried(self.dataset)
 
     @property
     def title(self) -> str:
-        """Of what it is a map."""
+        """Title of the system."""
         return str(self.dataset.attrs["title"])
 
     @property
@@ -97,7 +96,7 @@ class Map(Result):
 
     @property
     def table(self) -> pandas.DataFrame:
-        """One row a point."""
+        """One row per point."""
         return self.dataset.to_dataframe().reset_index()
 
     @cached_property
@@ -120,12 +119,12 @@ class Map(Result):
 
     @property
     def message(self) -> str:
-        """How many points there are."""
+        """Number of points computed."""
         done = f"{self.computed:,} of {self._codes.size:,} points are computed"
         late = int(np.count_nonzero(self._codes == Outcome.TIME_UP.code))
         if self.outcome is Completion.TIME_UP:
-            return f"{done}; {late:,} of them took longer than the time limit"
-        return done if self.outcome.ok else f"{done}; the same call goes on"
+            return f"{done}; {late:,} of them reached the time limit"
+        return done if self.outcome.ok else f"{done}; repeat the same call to resume"
 
     @cached_property
     def lacking(self) -> dict[str, int]:
@@ -157,7 +156,7 @@ class Map(Result):
         return Certificate((Residual("points not certified", float(bad), 0.0),), notes=notes)
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "axes": {str(name): int(n) for name, n in self.dataset["outcome"].sizes.items()},
@@ -176,7 +175,7 @@ class Map(Result):
         return {int(code): int(count) for code, count in zip(codes, counts, strict=True)}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         between = int(np.count_nonzero(self._codes == INTERPOLATED))
         more = f" of {self._codes.size:,}, the others interpolated" if between else ""
         rows = [("points", f"{self.computed:,}{more}")]
@@ -200,12 +199,12 @@ class Map(Result):
         unit = str(excess.attrs["units"])
         largest = with_unit(float(np.max(excess.values.ravel()[outside])), unit, 3)
         reason = (
-            f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, so that "
-            "no motion begins there"
+            f"{np.count_nonzero(outside):,} starts violate |∂Φ| ≤ s, by up to {largest}, and no "
+            "motion begins there"
         )
         remedy = (
-            "start where friction holds: --initial NAME=VALUE, or let it vary along, as in "
-            "--over 'P,x_R=...'"
+            "start inside the stable set with --initial NAME=VALUE, or vary the initial value "
+            "as well, as in --over 'P,x_R=...'"
         )
         return [("starts", reason), ("", remedy)]
 
@@ -224,8 +223,7 @@ class Map(Result):
 
     @validated
     def fragility(self, measure: str, limit: float, over: str | None = None) -> Fragility:
-        """How many of the records of the map take the system beyond a limit, over how much they are
-        scaled.
+        """Fraction of the records of the map that exceed a limit, as a function of their scale.
 
         Parameters
         ----------
@@ -289,13 +287,13 @@ class Map(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A map as it was."""
+        """Restore a stored map."""
         return cls(data.assign_attrs({PREFIX + key: text for key, text in parts.items()}))
 
     @classmethod
     @validated
     def open(cls, path: str | Path) -> Self:
-        """A stored map, finished or not; from a store, values are read when they are needed.
+        """Open a stored map, complete or not; values are read lazily.
 
         Raises
         ------
@@ -310,7 +308,7 @@ class Map(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basin(Result):
-    """Which attractor each state of a section reaches.
+    """The attractor that each state of a section reaches.
 
     ``basin["attractor"]`` is the map as an xarray.DataArray.
 
@@ -339,7 +337,7 @@ class Basin(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a basin."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -350,7 +348,7 @@ class Basin(Result):
 
     @property
     def message(self) -> str:
-        """What the states reach."""
+        """Attractors reached by the states."""
         return "; ".join(text for _, text in self._reached()) or self.outcome.message
 
     @cached_property
@@ -361,13 +359,13 @@ class Basin(Result):
         attractors = int(np.count_nonzero(~self.dataset["certified"].values.astype(bool)))
         counts = {
             "states not certified": int(np.count_nonzero(bad)),
-            "states that reach nothing": int(np.count_nonzero(labels < 0)),
+            "states that reach no attractor": int(np.count_nonzero(labels < 0)),
             "attractors not certified": attractors,
         }
         return Certificate(tuple(Residual(name, float(n), 0.0) for name, n in counts.items()))
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         labels = data["attractor"].values
         bad = (data["lacking"].values > 0) & (labels >= 0)
@@ -406,7 +404,7 @@ class Basin(Result):
         return rows
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         labels = self.dataset["attractor"].values
         counts = {name: int((labels == code).sum()) for code, name in _NOWHERE.items()}
         nowhere = [(k.replace("_", " "), f"{n} states") for k, n in counts.items() if n]
@@ -424,7 +422,7 @@ class Basin(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A basin as it was."""
+        """Restore a stored basin."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")

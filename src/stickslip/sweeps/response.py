@@ -23,33 +23,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Result):
-    """The response to a drive over its frequency, for some levels of another parameter.
+    """The response to a drive over its frequency, for several levels of another parameter.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
-        Values of the parameters that stay fixed (and the defaults of the others).
+        Values of the fixed parameters (and the defaults of the others).
     parameter : str
-        The frequency, or what it is a function of.
+        The frequency, or the parameter on which it depends.
     level : str
-        The parameter of the levels; empty if there is one line only.
+        The parameter of the levels; empty for a single line.
     coordinate : str
-        Whose response it is: a coordinate, an unknown of a structure, an output or a formula.
+        Quantity of the response: a coordinate, a degree of freedom of a structure, an output or a
+        formula.
     dataset : xarray.Dataset
         Over ``point``, along the lines: the parameter, the level and the ``line`` (a number),
-        ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first
-        harmonic, relative to the drive), ``stick`` (share of the period in which all contacts
-        stick; ``stick_…`` of each), ``period``, ``stable``, ``slips`` (0 where no contact slips).
-        Over ``level``, ``direction`` and ``step``: the same of the sweeps (``swept_…``), NaN where
-        no cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
-        same at the levels and between them, ``backbone_…``.
+        ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first harmonic, relative
+        to the drive), ``stick`` (fraction of the period in which all contacts stick; ``stick_…`` of
+        each), ``period``, ``stable``, ``slips`` (0 where no contact slips). Over ``level``,
+        ``direction`` and ``step``: the same quantities of the sweeps (``swept_…``), NaN where no
+        cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
+        largest response at and between the levels, ``backbone_…``.
     special : list of SpecialPoint
-        Folds, grazing and the like of all lines; ``index`` is the number of the point.
+        Special points of all lines, such as folds and grazing; ``index`` is the number of the
+        point.
     notes : list of str
-        Why a sweep has found no cycle somewhere, and why lines end inside the range.
+        Reasons for points of sweeps without a cycle, and for lines that end within the range.
     complete, time_up : bool
-        Whether all was followed; if not, whether the time limit ended it, or the user.
+        Whether the computation was completed; if not, whether the time limit or the user stopped
+        it.
     """
 
     KIND: ClassVar[str] = "frequency response"
@@ -87,7 +90,7 @@ class FrequencyResponse(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the response."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -100,7 +103,7 @@ class FrequencyResponse(Result):
 
     @property
     def message(self) -> str:
-        """How many lines there are, what is special on them, and where there is no response."""
+        """Number of lines, their special points, and gaps in the response."""
         data = self.dataset
         lines = len(np.unique(data["line"]))
         count = f"lines: {lines}, with {data.sizes['point']} points"
@@ -115,7 +118,7 @@ class FrequencyResponse(Result):
         return self.dataset.isel(point=np.flatnonzero(self.dataset["line"].values == number))
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         return {
             **self.system.heading(),
@@ -139,7 +142,7 @@ class FrequencyResponse(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         rows = [("response", f"of {self.coordinate} to {data.attrs['drive']}")]
         for i, value in enumerate(self.levels):
@@ -189,7 +192,7 @@ class FrequencyResponse(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A response as it was."""
+        """Restore a stored response."""
         from stickslip.model.system_file import loads
 
         parameter, level, coordinate = json.loads(parts["names"])

@@ -45,8 +45,6 @@ class MapStore:
 
     Attributes
     ----------
-    plan : Plan
-    grid : Grid
     path : Path or None
         None: in memory.
     outcome : array of int8
@@ -105,10 +103,6 @@ class MapStore:
         """Take the points of missing chunks for not computed, and those of damaged ones if they
         are to be repaired.
 
-        Parameters
-        ----------
-        repair : bool
-
         Raises
         ------
         StickslipError
@@ -131,7 +125,6 @@ class MapStore:
 
         Parameters
         ----------
-        chunk : tuple of int
         wanted : array of bool, shape of the grid, optional
             Only these.
         """
@@ -172,7 +165,6 @@ class MapStore:
 
         Parameters
         ----------
-        name : str
         table, where : array, shape of the grid
             Values, and whether they are new.
         """
@@ -190,16 +182,16 @@ class MapStore:
         except OSError as error:
             done = self.grid.size - self.left
             raise StickslipError(
-                f"{self.path}: cannot be written ({error.strerror or error}). "
-                f"{done} of {self.grid.size} points are kept; "
-                "make room, and give the same command again"
+                f"{self.path}: cannot be written ({error.strerror or error}). {done} of "
+                f"{self.grid.size} points are kept; free some space, and run the same command "
+                "again to resume"
             ) from None
 
     def _check_there(self) -> None:
         """Refuse to write into a store that somebody has removed: there would be a part of one."""
         if self.path is not None and not damage.is_there(self.path):
             raise StickslipError(
-                f"{self.path}: was removed while the map was computed. Give the same command again"
+                f"{self.path}: was removed while the map was computed. Run the same command again"
             )
 
     def dataset(self) -> xarray.Dataset:
@@ -231,8 +223,8 @@ def _damaged(path: Path | None, chunks: list[tuple[str, Chunk]], why: str = "") 
     """What to say about damaged chunks."""
     reason = f" ({' '.join(why.split())})" if why else ""
     return StickslipError(
-        f"{path}: damaged: {damage.files(chunks)}{reason}. The rest is intact; --repair computes "
-        "these chunks again"
+        f"{path}: damaged: {damage.files(chunks)}{reason}. The rest is intact; use --repair to "
+        "recompute these chunks"
     )
 
 
@@ -240,10 +232,6 @@ def read_map(path: Path) -> xarray.Dataset:
     """A stored map; values are read when they are needed.
 
     Points of which a file is missing have the outcome -1, not computed.
-
-    Parameters
-    ----------
-    path : Path
 
     Raises
     ------
@@ -284,7 +272,7 @@ def read_map(path: Path) -> xarray.Dataset:
                     values[region(chunk)] = NOT_COMPUTED if name == "outcome" else np.nan
             data[name] = data[name].copy(data=values)
     if found.missing:
-        text = f"missing: {damage.files(found.missing)}; their points count as not computed"
+        text = f"missing: {damage.files(found.missing)}; their points are treated as not computed"
         warnings.warn(f"{path}: {text}", stacklevel=3)
     return data
 
@@ -373,7 +361,8 @@ def opened(
     """
     if not path.name or "\0" in str(path):
         raise StickslipError(
-            f"{printable(str(path))}: no place for a map. Choose another --out, like map.zarr"
+            f"{printable(str(path))}: not a valid path for a map. Choose another --out, like "
+            "map.zarr"
         )
     with contextlib.ExitStack() as stack:
         try:
@@ -448,7 +437,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
     except StickslipError:
         raise
     except Exception as error:  # of a damaged store without checksums, zarr says anything
-        raise StickslipError(f"{path}: its description is damaged; it is left as it is") from error
+        raise StickslipError(f"{path}: its description is damaged; nothing was changed") from error
     return parts, tuple(axes)
 
 
@@ -459,7 +448,7 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
     """The plan with the values of the held axes bit by bit where it has the same ones."""
     change = plan.difference(held.parts(), held.axes)
     if change is not None and change.part is Part.AXES:
-        raise StickslipError(f"{path}: holds a map {change.text}. Extend it over its own axes")
+        raise StickslipError(f"{path}: holds a map {change.text}. Extend it along its own axes")
     axes = []
     for k, (new, old) in enumerate(zip(plan.axes, held.axes, strict=True)):
         found = new.positions(old)
@@ -486,20 +475,18 @@ def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
 
     Parameters
     ----------
-    carry : Carry
     found : array of int
         Places of the old values.
     count : int
         Of all values.
-    path : Path
     """
     first = 0 if carry.steps[0] > 0 else count - len(found)
     after = np.array_equal(found, first + np.arange(len(found)))
     if not after or (len(carry.steps) > 1 and count > len(found)):
         raise StickslipError(
-            f"{path}: the state is carried along {carry.text}, and what is new on that axis does "
-            "not come after what is there. Extend another axis, go on in the same direction, or "
-            "begin again with --overwrite"
+            f"{path}: the state is carried along {carry.text}, and the new values of that axis "
+            "do not follow the stored ones. Extend another axis, continue in the same "
+            "direction, or start again with --overwrite"
         )
 
 

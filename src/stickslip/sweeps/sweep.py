@@ -122,64 +122,63 @@ def sweep(
     ----------
     system : System
     over : mapping of str to axis
-        What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
-        (:mod:`stickslip.sweeps.request.axes` says all that is understood). An axis may be records
-        that drive the system one after the other, ``{"record": ss.Records.read("quakes")}``; an
-        axis ``scale`` multiplies them then, and each motion lasts as long as its record.
+        Axes: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
+        (:mod:`stickslip.sweeps.request.axes` describes the notation). An axis of records,
+        ``{"record": ss.Records.read("quakes")}``, drives the system with one record per point; an
+        axis ``scale`` multiplies them, and each motion covers the time of its record.
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory. They are
-        those of what a motion settles on; where drives are samples that end, those of the motion
-        over the declared span.
+        measures of the settled motion or, if drives are samples that end, of the motion over the
+        declared span.
     out : str or Path, optional
-        Store to write as the map is computed; one that is begun is taken up again. Without it the
-        map is in memory.
+        Path of the store; an incomplete store is resumed. By default the map is kept in memory.
     initial : mapping of str to float, optional
         Initial values at all points.
     span : (float, float), optional
-        Time span in place of that of the system: motions begin with it, are given up after 100
-        times as long, and end with it where drives are samples that end.
+        Time span that replaces the span of the system: motions start at its beginning, are
+        abandoned after 100 times its length, and end with it if drives are samples that end.
     settings : Settings, optional
-        How a motion settles, and the accuracy.
+        Criteria for settled motions, and the accuracy.
     seed : int
-        Of random and low-discrepancy samples.
+        Seed of random and low-discrepancy samples.
     carry : str, optional
-        Along this axis every point begins where the motion of the one before has settled, at the
-        same phase of the drives, as in an experiment: ``"omega"`` takes the values as they are
-        given, ``"omega up"`` and ``"omega down"`` by size, ``"omega both"`` up and from there down
-        again, on an axis ``direction`` of its own. The first point of a line begins as any motion
-        does, and so does the next one as long as none has settled. A motion that stops hands on
-        what it began with. What points hand on is in the variables ``carried_…``; an interrupted
-        line goes on from there.
+        Along this axis every point starts from the settled state of the previous one, at the same
+        phase of the drives, as in an experiment: ``"omega"`` uses the values in the given order,
+        ``"omega up"`` and ``"omega down"`` in increasing and decreasing order, ``"omega both"`` up
+        and then down again, with an additional axis ``direction``. Points before the first settled
+        motion of a line start from the initial state. A motion that stops passes on the state from
+        which it started. The states passed on are in the variables ``carried_…``; an interrupted
+        line resumes from them.
     adaptive : Adaptive, optional
-        Compute finely only where something changes.
+        Refine only where results change.
     scheduler : str
         ``"threads"``, ``"processes"``, or the address of a Dask scheduler. The result does not
         depend on it.
     workers : int, optional
-        Threads or processes; by default one for each core. With a GPU, chunks that are prepared and
-        computed at the same time; by default one.
+        Number of threads or processes; by default one per core. With a GPU, number of chunks in
+        progress at the same time; by default one.
     device : str
         ``"cpu"``, or ``"gpu"``: the same loops on a CUDA device, one motion per thread (extra
-        ``[gpu]``). Its numbers agree up to rounding, so that either may go on with what the other
-        has begun.
+        ``[gpu]``). Results agree up to rounding, so a map begun on one device can be resumed on the
+        other.
     extend : bool
-        Add the new values of the axes to a stored map over some of them.
+        Add new values of the axes to a stored map.
     overwrite : bool
         Replace a stored map.
     repair : bool
-        Compute damaged chunks again.
+        Recompute damaged chunks.
     time_limit : float, optional
-        Seconds of processor time that a point may take, so that other work on the machine does not
-        matter (of wall-clock time on systems that do not tell processor times of threads); one that
-        takes longer has the outcome ``time limit reached``, and is tried again when the map is
-        resumed (not where points carry the state).
+        Processor-time limit of a point in seconds, independent of other load on the machine
+        (wall-clock time on systems without processor times of threads). A point that exceeds it has
+        the outcome ``time limit reached``, and is retried when the map is resumed (unless points
+        carry the state).
     progress : callable, optional
-        Called as points are done.
+        Called as points are completed.
 
     Returns
     -------
     Map
-        Its dataset has one dimension for each axis; the measures, ``outcome`` and
+        Its dataset has one dimension for each axis, and contains the measures, ``outcome`` and
         ``certificate``. After Ctrl-C some points have the outcome -1, not computed.
 
     Raises
@@ -246,19 +245,23 @@ def make_plan(
     for name, value in given.items():
         check_initial(system.declaration, name, value)
         if name in varied:
-            raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
+            raise DeclarationError(
+                f"initial.{name}", "it already varies along an axis", "Give it once only"
+            )
     start = {name: float(value) for name, value in given.items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
     if carry is not None and driven is not None:
-        raise DeclarationError("carry", "each record begins anew", "Leave it out")
+        raise DeclarationError(
+            "carry", "the state cannot be carried from one record to the next", "Remove it"
+        )
     if known_for_a_time(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
             raise DeclarationError(
                 "carry",
-                f"the samples that drive {system.name} end, and no motion settles",
-                "Let the samples be periodic",
+                f"the samples that drive {system.name} end, so no motion settles",
+                "Declare the samples periodic",
             )
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
@@ -272,14 +275,14 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
     if adaptive is not None:
         raise DeclarationError(
             "carry",
-            "an adaptive map leaves points out, and a point needs the one before it",
-            "Leave out the one or the other",
+            "an adaptive map omits points, but a carried point needs the previous one",
+            "Remove one of them",
         )
     if device == "gpu":
         raise DeclarationError(
             "carry",
-            "points that need each other are not worked on side by side, as a GPU would",
-            "Leave the work to the cpu",
+            "a GPU computes points in parallel, but carried points depend on each other",
+            'Use device="cpu"',
         )
 
 
@@ -287,17 +290,17 @@ def _pool(scheduler: str, workers: int | None, device: str, time_limit: float | 
     """Who does the work, checked."""
     if device == "gpu":
         if time_limit is not None:
-            reason = "a GPU follows all motions of a chunk side by side"
-            raise DeclarationError("time_limit", reason, "Limit max_time or max_events instead")
+            reason = "a GPU computes all motions of a chunk in parallel"
+            raise DeclarationError("time_limit", reason, "Set max_time or max_events instead")
         from stickslip.sweeps.work.device import check_device
 
         if scheduler != "threads":
-            reason = f"a GPU serves the threads of one process, not '{short(scheduler)}'"
-            raise DeclarationError("device", reason, "Leave the scheduler out")
+            reason = f"a GPU needs the scheduler \"threads\", not '{short(scheduler)}'"
+            raise DeclarationError("device", reason, "Remove the scheduler")
         check_device()
         return Pool(scheduler, 1 if workers is None else workers)
     if device != "cpu":
-        raise DeclarationError("device", f"there is no '{short(device)}'", "Choose cpu or gpu")
+        raise DeclarationError("device", f"unknown device '{short(device)}'", "Choose cpu or gpu")
     return Pool(scheduler, workers)
 
 

@@ -37,7 +37,6 @@ def enclosures(expressions: Sequence[Expr], ranges: Mapping[str, Any]) -> list[B
 
     Parameters
     ----------
-    expressions : sequence of Expr
     ranges : mapping of str to (low, high)
         Numbers or arrays of shape (boxes,); a name that is missing is unbounded.
 
@@ -153,8 +152,6 @@ def deviations(
 
     Parameters
     ----------
-    expressions : list of Expr
-    name : str
     low, high : ndarray of shape (m,)
     start, end : ndarray of shape (m, expressions)
         Values at the ends.

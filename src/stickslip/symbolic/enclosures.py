@@ -81,7 +81,6 @@ class Enclosure:
 
     Parameters
     ----------
-    expressions : sequence of Expr
     ranges : mapping of str to interval
         Others are unbounded.
     intervals : Intervals

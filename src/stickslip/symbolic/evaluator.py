@@ -89,11 +89,6 @@ def evaluator_of_numbers(
 ) -> Callable[[Sequence[float]], list[float]]:
     """The same for one place at a time, without NumPy: ten times as fast there.
 
-    Parameters
-    ----------
-    expressions : sequence of Expr
-    names : sequence of str
-
     Returns
     -------
     function

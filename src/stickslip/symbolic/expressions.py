@@ -161,7 +161,7 @@ def _node(
 def num(value: float) -> Expr:
     """A number; raises ``OverflowError`` if it is not finite."""
     if not math.isfinite(value):
-        raise OverflowError("a number in the formula is too large or undefined")
+        raise OverflowError("a number in the formula overflows or is undefined")
     return _node("num", float(value) + 0.0)
 
 
@@ -319,7 +319,7 @@ def power(base: Expr, exponent: Expr) -> Expr:
     base."""
     if exponent.op != "num":
         if base.op == "num" and number(base) <= 0.0:
-            raise ZeroDivisionError(f"{number(base):g} to a power that varies is undefined")
+            raise ZeroDivisionError(f"{number(base):g} to a variable power is undefined")
         return (
             num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
         )
@@ -390,7 +390,6 @@ def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
 
     Parameters
     ----------
-    e : Expr
     regions : mapping of Expr to int
         By guard. A guard of constants can be 0 for good, and then it matters whether it is strict:
         of those that are, −guard is listed, which is nonnegative where the select is `below`.
@@ -560,7 +559,6 @@ def rewrite(
 
     Parameters
     ----------
-    expression : Expr
     change : callable
         Says what a node becomes, or None if its parts are to be looked at.
     again : bool

@@ -76,9 +76,6 @@ def least(
 
     Parameters
     ----------
-    expression : Expr
-    name : str
-    low, high : float
     others : mapping of str to (float, float), optional
         Ranges of other names; with them, `value` holds for the whole of these ranges as little as
         `floor` does.

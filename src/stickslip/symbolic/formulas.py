@@ -97,7 +97,7 @@ class TimeFunction(ABC):
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it."""
+        """Plain data for a model file."""
 
     @property
     @abstractmethod
@@ -229,13 +229,13 @@ class Scope:
             wanted = f"{name}({', '.join(definition.arguments)})" if definition.arguments else name
             raise DeclarationError(
                 where,
-                f"'{name}' takes {len(definition.arguments)} argument(s), not {len(arguments)}",
+                f"'{name}' takes {len(definition.arguments)} argument(s), got {len(arguments)}",
                 f"Write {wanted}",
             )
         if name in self._open:
             chain = " -> ".join([*self._open[self._open.index(name) :], name])
             raise DeclarationError(
-                definition.where, f"cyclic definition: {chain}", "Define it without itself"
+                definition.where, f"cyclic definition: {chain}", "Remove the cycle"
             )
         key = (name, arguments)
         if key not in self._known:
@@ -286,7 +286,7 @@ def compared(text: str, where: str) -> tuple[str, str, str]:
             signs.append(match)
     if len(signs) != 1:
         raise DeclarationError(
-            where, "a condition compares two formulas", "Write it like 'P > rho + c'"
+            where, "a condition must compare two formulas", "Write it like 'P > rho + c'"
         )
     return text[: signs[0].start()], signs[0].group(), text[signs[0].end() :]
 
@@ -301,7 +301,9 @@ def formula_text(expression: Expr, where: str) -> str:
     """
     text = ex.to_text(expression)
     if "..." in text:
-        raise DeclarationError(where, "the expression is too long for a text", "Simplify it")
+        raise DeclarationError(
+            where, "the expression is too long to be written as text", "Simplify the formula"
+        )
     return text
 
 
@@ -319,7 +321,7 @@ def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
         check_name(name, where)
     if len(set(arguments)) < len(arguments):
         raise DeclarationError(
-            where, "an argument is named twice", "Give each argument its own name"
+            where, "two arguments have the same name", "Use a different name for each argument"
         )
     return match[1], arguments
 
@@ -337,9 +339,7 @@ def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
             where, f"'{name}' has a fixed meaning in formulas", "Choose another name"
         )
     if name in taken:
-        raise DeclarationError(
-            where, f"the name '{name}' is declared twice", "Rename one of the two"
-        )
+        raise DeclarationError(where, f"the name '{name}' is declared twice", "Rename one of them")
 
 
 class _Reader:
@@ -374,7 +374,7 @@ class _Reader:
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
         if "#" in text:  # what follows would not be read, on further lines, too
-            raise self.fail("'#' cannot stand in a formula", "Put comments outside of it")
+            raise self.fail("'#' is not allowed in a formula", "Put comments outside the formula")
         if len(text) > _LONGEST:
             raise self.fail(
                 f"the formula has {len(text)} characters (at most {_LONGEST})",
@@ -391,14 +391,14 @@ class _Reader:
         except DeclarationError:
             raise
         except (RecursionError, MemoryError, ValueError):
-            raise self.fail(f"'{short(text)}' cannot be read", "Simplify the formula") from None
+            raise self.fail(f"'{short(text)}' cannot be parsed", "Simplify the formula") from None
         except OverflowError:
             raise self.fail(
                 f"'{short(text)}' contains a number that is too large", "Use numbers below 1e308"
             ) from None
         except ZeroDivisionError as error:
             raise self.fail(
-                f"'{short(text)}' has no value ({error})", "Correct the formula"
+                f"'{short(text)}' cannot be evaluated ({error})", "Correct the formula"
             ) from None
 
     def tabulated(self, table: TableFunction) -> Expr:
@@ -406,12 +406,14 @@ class _Reader:
         try:
             return table.at([*self.bound.values()], _Reader(self.scope, self.where, {}).read)
         except ZeroDivisionError as error:
-            raise self.fail(str(error), "Widen the table, or say what is outside of it") from None
+            raise self.fail(
+                str(error), "Extend the table, or set 'outside' to extrapolate"
+            ) from None
 
     def tree(self, expression: Expr) -> Expr:
         """An expression whose names mean what they mean in a text."""
         if expression.depth > _MAX_HEIGHT:
-            raise self.fail("the expression is too deeply nested", "Simplify it")
+            raise self.fail("the expression is too deeply nested", "Simplify the formula")
         meaning = {name: self.name(name) for name in sorted(expression.symbols)}
         return ex.substitute(expression, meaning)
 
@@ -469,9 +471,7 @@ class _Reader:
     def translate(self, node: ast.AST, depth: int) -> Expr:
         match node:
             case ast.Constant(value=bool() | str() | bytes() | complex() | None):
-                raise self.fail(
-                    f"{node.value!r} is not a number", "Formulas hold numbers and names only"
-                )
+                raise self.fail(f"{node.value!r} is not a number", "Use numbers and names only")
             case ast.Constant(value=int() | float() as value):
                 return ex.num(float(value))
             case ast.Name(id=name):
@@ -487,12 +487,13 @@ class _Reader:
                 return self.entry(name, index)
             case ast.Compare():
                 raise self.fail(
-                    "a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)"
+                    "a comparison is allowed inside piecewise(...) only",
+                    "Write piecewise(x < 0, a, b)",
                 )
         kind = type(node).__name__.lower()
         raise self.fail(
-            f"formulas cannot contain this Python construct ({kind})",
-            "Allowed are numbers, names, + - * / **, brackets and " + ", ".join(sorted(builtins())),
+            f"this Python construct is not allowed in formulas ({kind})",
+            "Use numbers, names, + - * / **, brackets and " + ", ".join(sorted(builtins())),
         )
 
     def chain(self, node: ast.expr, depth: int) -> Expr:
@@ -520,12 +521,12 @@ class _Reader:
             case ast.Pow():
                 return a**b
             case ast.BitXor():
-                raise self.fail("'^' is not a power", "Write ** for powers")
+                raise self.fail("'^' is not a power operator", "Write ** for powers")
             case ast.Mod():
-                raise self.fail("'%' is no operator of formulas", "Write mod(x, m)")
+                raise self.fail("'%' is not an operator of formulas", "Write mod(x, m)")
             case ast.FloorDiv():
-                raise self.fail("'//' is no operator of formulas", "Write floor(x/y)")
-        raise self.fail(f"unknown operator ({type(op).__name__})", "Allowed are + - * / **")
+                raise self.fail("'//' is not an operator of formulas", "Write floor(x/y)")
+        raise self.fail(f"unknown operator ({type(op).__name__})", "Use + - * / **")
 
     def name(self, name: str) -> Expr:
         if name in self.bound:
@@ -539,7 +540,7 @@ class _Reader:
         if name in self.scope.definitions:
             return self.scope.apply(name, (), self.where)
         if name in self.scope.forbidden:
-            raise self.fail(f"'{name}' may not stand here", self.scope.forbidden[name])
+            raise self.fail(f"'{name}' is not allowed here", self.scope.forbidden[name])
         if name in builtins():
             raise self.fail(f"'{name}' is a function", f"Write {name}(...)")
         raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
@@ -548,22 +549,22 @@ class _Reader:
         """One of the numbers of a vector."""
         if name not in self.scope.vectors:
             if name in self.scope.forbidden:
-                raise self.fail(f"'{name}' may not stand here", self.scope.forbidden[name])
+                raise self.fail(f"'{name}' is not allowed here", self.scope.forbidden[name])
             if name in self.bound or name in self.scope.names or name in self.scope.definitions:
-                raise self.fail(f"'{name}' is one number", f"Write {name} without brackets")
+                raise self.fail(f"'{name}' is a single number", f"Write {name} without an index")
             raise self.unknown("structure", name, self.scope.vectors)
         match index:
             case ast.Name(id=key) | ast.Constant(value=int(key)) if not isinstance(key, bool):
                 pass
             case _:
                 raise self.fail(
-                    f"in the brackets of '{name}' stands neither a number nor a name",
-                    f"Write {name}[0], {name}[1], ..., or {name}[tip] if one has that name",
+                    f"the index of '{name}' is not a number or a name",
+                    f"Write {name}[0], {name}[1], ..., or {name}[tip] with a name",
                 )
         try:
             return self.scope.vectors[name].entry(key)
         except KeyError as error:
-            raise self.fail(f"there is no {name}[{short(str(key))}]", error.args[0]) from None
+            raise self.fail(f"unknown component {name}[{short(str(key))}]", error.args[0]) from None
 
     def unknown(self, kind: str, name: str, known: Iterable[str]) -> DeclarationError:
         public = sorted(x for x in known if not x.startswith("_"))
@@ -576,7 +577,7 @@ class _Reader:
         if name == "piecewise":
             return self.piecewise(node.args, depth)
         if any(isinstance(a, ast.Starred) for a in node.args):
-            raise self.fail("'*' cannot stand before an argument", "List the arguments")
+            raise self.fail("'*' is not allowed before an argument", "List the arguments")
         known = builtins() | dict.fromkeys(self.scope.rows, 1)
         if name not in known and name not in self.scope.definitions:
             if name in _ELSEWHERE:
@@ -589,7 +590,7 @@ class _Reader:
         if (wanted is not None and len(arguments) != wanted) or not arguments:
             named = STRUCTURES[name].arguments if name in STRUCTURES else ("x",)
             raise self.fail(
-                f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
+                f"'{name}' takes {wanted or 'at least 1'} argument(s), got {len(arguments)}",
                 f"Write {name}({', '.join(named)})",
             )
         if name in STRUCTURES and name not in self.scope.rows:
@@ -608,7 +609,7 @@ class _Reader:
     def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:
         if len(nodes) < 3 or len(nodes) % 2 == 0:
             raise self.fail(
-                "piecewise takes condition, value, ..., and a last value",
+                "the arguments of piecewise are condition, value, ..., and a final value",
                 "Write piecewise(x < 0, a, x < 1, b, c)",
             )
         value = self.visit(nodes[-1], depth + 1)
@@ -627,7 +628,8 @@ class _Reader:
                 margin = a - b if isinstance(op, ast.Gt | ast.GtE) else b - a
                 return ex.select(margin, above, below, strict=isinstance(op, ast.Lt | ast.Gt))
         raise self.fail(
-            "a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a"
+            "a condition of piecewise must compare two values",
+            "Write x < a, x <= a, x > a or x >= a",
         )
 
 

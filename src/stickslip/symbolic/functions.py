@@ -64,7 +64,6 @@ class Function:
         `value` is called number by number.
     latex : str
         By default the upright name.
-    parity : {"odd", "even", ""}
     domain : (float, float)
         Where it is defined.
     limits : (float, float) or None
@@ -119,6 +118,12 @@ class Function:
     def jumps(self) -> bool:
         """Whether its derivative does not say all of how it changes."""
         return self.poles is not None
+
+    @property
+    def unit(self) -> tuple[str, int]:
+        """Unit of the values, if they are tabulated, and the power of the unit of the argument
+        besides; of any other function nothing is known."""
+        return "", 0
 
     @property
     def tabulated(self) -> bool:
@@ -219,7 +224,7 @@ class Function:
 
         slope = self._read(self.derivative)
         if self.recurrence == "chain" and any(e.op == self.name for e in walk([slope])):
-            raise ValueError(f"{self.name}: write its derivative without {self.name}")
+            raise ValueError(f"{self.name}: its derivative must not contain {self.name}")
         return slope
 
     @cached_property

@@ -31,7 +31,6 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
 
     Parameters
     ----------
-    expression : Expr
     name : str
         Of its variable.
     start, end, radius : ndarray of shape (m,)

@@ -50,7 +50,6 @@ class Pieced:
         The same in LaTeX.
     repeats : bool
         Whether it has one argument and goes on piece after piece.
-    jumps : bool
     """
 
     made: Callable[..., Expr]
@@ -123,7 +122,7 @@ def _fraction(u: Expr) -> Expr:
 
 def _mod(x: Expr, m: Expr) -> Expr:
     if ex.is_number(m, 0.0):
-        raise ZeroDivisionError("nothing is left modulo 0")
+        raise ZeroDivisionError("modulo 0 is undefined")
     if x.op == "num" and m.op == "num":
         return ex.num(ex.number(x) % ex.number(m))
     return m * _fraction(x / m)

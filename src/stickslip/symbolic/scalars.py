@@ -28,10 +28,6 @@ class Scalar:
         above, below), ``sign`` (of the first: above, below; where that is 0, above if `value` is 0,
         else below), ``spread`` (Σⱼ |Rᵢⱼ| mag[base + j] for
         the matrix `name` and `index` = (i, n, base)) and ``kept``: what has a variable of its own.
-    args : tuple of Scalar
-    name : str
-    index : tuple of int
-    value : float
     """
 
     op: str

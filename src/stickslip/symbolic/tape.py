@@ -105,10 +105,6 @@ class Instruction:
         stay what they are, but that the modulus is 0 in the first case.
     row : int
         Where the result goes (the first row of several).
-    inputs : tuple of int
-    parts : tuple of Scaled
-    place, size : int
-    matrix : str
     function : str
         Of the table, for CHAIN, TAN and TANH.
     entries : tuple of Instruction
@@ -243,7 +239,6 @@ def scalars_of(
 
     Parameters
     ----------
-    targets : iterable of Expr
     names : mapping of str to Scalar
         What each symbol stands for.
     regions : mapping of Expr to int, optional

@@ -24,7 +24,6 @@ class Register(NamedTuple):
 
     Attributes
     ----------
-    name : str
     type : str
         In LLVM's words.
     """
@@ -187,7 +186,6 @@ class Assembly:
             Of the result.
         function : str
             Its name with @, or the register of its address.
-        given : Register
         flags, convention : str
             Fast-math flags, and how it is called if not as functions of C are; each with a space in
             front.

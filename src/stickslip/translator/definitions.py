@@ -29,12 +29,10 @@ class Definition(NamedTuple):
     ----------
     function : Compiled
         What it was made of.
-    name : str
     kind : str
         LLVM's type of the result, with the calling convention.
     parameters : list of (str, str)
         LLVM's types with what is known of them, and names.
-    body : str
     called : set of str
         Names of what it calls.
     arguments, result : types

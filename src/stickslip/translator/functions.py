@@ -52,10 +52,8 @@ class Function(Values, ast.NodeVisitor):
     ----------
     program : Program
         Where other functions are found.
-    compiled : Compiled
     node : ast.FunctionDef
         What the source says.
-    arguments : tuple of Type
     name : str
         In the assembly.
     """
@@ -379,9 +377,6 @@ class Function(Values, ast.NodeVisitor):
 
         Parameters
         ----------
-        node : ast.For
-        start, stop : Value
-        step : int
         item : callable
             From the number to what the target gets.
         """

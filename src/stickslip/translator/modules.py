@@ -266,11 +266,8 @@ def _finish(
 
     Parameters
     ----------
-    work : Values
     callee : str
         Its name with @, or the register of its address.
-    result : Type
-    given : sequence of Register
     convention : str
         How it is called if not as functions of C are.
     """

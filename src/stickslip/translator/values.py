@@ -248,7 +248,6 @@ class Value:
 
     Attributes
     ----------
-    type : Type
     register : Register, optional
         What it is; or, if there is an offset, where it stands in memory.
     offset : int, optional

@@ -16,7 +16,6 @@ class FigureEntry:
     ----------
     key : str
         Its number in [M], such as ``"4.4"``, or a word if [M] does not have it.
-    title : str
     caption : str
         Plain text: what is shown, with equation numbers and the values of the parameters.
     draw : callable

@@ -38,7 +38,6 @@ class AnimationEntry:
 
     Attributes
     ----------
-    key, title : str
     caption : str
         Plain text: what is shown, with equation numbers and the values of the parameters.
     make : callable

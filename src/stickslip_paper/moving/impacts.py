@@ -402,7 +402,6 @@ class _OnTheSlope:
 
         Parameters
         ----------
-        axes : Axes
         now : dict of str to ndarray
             The motion in every frame.
         feet : ndarray, shape (n,)

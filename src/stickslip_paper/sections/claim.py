@@ -27,7 +27,6 @@ class Finding:
 
     Attributes
     ----------
-    verdict : Verdict
     measured : str
         The measured number and what it is compared with.
     numbers : mapping of str to float
@@ -58,7 +57,6 @@ class Claim:
         How it is checked.
     check : callable
         The check; returns a Finding.
-    expected : Verdict
     correction, derivation : str
         What is right where the printed form is not, and why.
     """

@@ -182,7 +182,6 @@ def exact(equation: str, nu: float, b: float, mu_0: float = 1.0, v_hat: float = 
 
     Parameters
     ----------
-    equation : {"(3.6)", "(3.5)", "(3.3)"}
     nu, b, mu_0, v_hat : float
         With √ν < b < 2: otherwise slip may never end.
 
@@ -225,7 +224,6 @@ def scaling_study(
     ----------
     nus : sequence of float
         At least two values.
-    b, mu_0, v_hat : float
     equations : sequence of str
         Of those that :func:`exact` knows.
 

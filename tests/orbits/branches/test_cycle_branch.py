@@ -278,7 +278,7 @@ def test_duffing() -> None:
     assert kinds(double) == ["period doubling", "period doubling"]
     first, second = single.special[0], double.special[1]
     assert double.special[0].value == pytest.approx(first.value, rel=1e-10)
-    assert "becomes one of half its period" in double.ended
+    assert "becomes a cycle of half its period" in double.ended
     assert double.points["F"].values.min() == pytest.approx(first.value, rel=1e-3)
     for point in (first, second):
         rotated = monodromy(point)
@@ -343,7 +343,7 @@ def test_loss_of_the_cycle() -> None:
     branch = follow(find_cycle(damped_block()), "V", (0.05, 10.0))
     assert kinds(branch) == ["loss of the cycle"]
     assert branch.special[0].value == pytest.approx(brentq(excess, 0.2, 1.0, xtol=1e-15), rel=1e-9)
-    assert "no longer comes back" in branch.ended
+    assert "no longer returns" in branch.ended
 
 
 def test_more_stops() -> None:

@@ -93,7 +93,7 @@ def test_bad_arguments(stops: SpecialPoint) -> None:
         stick_onset_curve(SLIDER, hopf, "V", "nu", ranges={"V": (0.1, 0.3), "nu": (0.04, 0.06)})
     with pytest.raises(DeclarationError, match="the same"):
         stick_onset_curve(OSCILLATOR, stops, "F_c", "F_c", ranges=ranges)
-    with pytest.raises(DeclarationError, match=r"ranges.omega: it is missing"):
+    with pytest.raises(DeclarationError, match=r"ranges.omega: the range is missing"):
         stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", ranges={"F_c": (0.1, 0.99)})
     with pytest.raises(DeclarationError, match=r"ranges.F_c: the point lies at F_c = 0.81"):
         stick_onset_curve(OSCILLATOR, stops, "F_c", "omega", ranges={**ranges, "F_c": (0.1, 0.3)})

@@ -115,14 +115,14 @@ def test_where_the_equations_end() -> None:
 
     path = follow(stop, [0, 0], [1, 0], lambda x, t: {})
     assert path.points[-1].x[0] == pytest.approx(0.5, abs=1e-6)
-    assert path.ended.text == "no solution was found further on (nothing is defined there)"
+    assert path.ended.text == "no further solution was found (nothing is defined there)"
 
 
 def test_no_start() -> None:
     def never(x: Array) -> tuple[Array, Array]:
         return np.array([x[0] ** 2 + 1.0]), np.array([[2.0 * x[0], 0.0]])
 
-    with pytest.raises(StickslipError, match="no solution near the start"):
+    with pytest.raises(StickslipError, match="no solution was found near the start"):
         follow(never, [1, 0], [0, 1], lambda x, t: {})
 
 

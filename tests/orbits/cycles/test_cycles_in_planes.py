@@ -55,3 +55,13 @@ def test_a_block_on_a_turntable() -> None:
     events = ss.simulate(system, (0.0, 60.0)).events
     stops = np.asarray(events["time"])[np.asarray(events["to"] == "stick")]
     assert cycle.period == pytest.approx(stops[-1] - stops[-2], rel=1e-7)
+
+
+@pytest.mark.parametrize("omega", [1.1, 1.2001, 1.25, 1.3])
+def test_a_slider_in_a_plane_is_moved_along(omega: float) -> None:
+    """To first order its force leaves the disc of those it can hold; it is put back into it."""
+    system = ss.catalogue.planar_jenkins()
+    moved = ss.find_cycle(system, ss.find_cycle(system), parameters={"omega": omega})
+    assert moved.certificate.ok
+    settled = ss.find_cycle(system, parameters={"omega": omega})
+    assert moved.dissipated == pytest.approx(settled.dissipated, rel=1e-9)

@@ -116,7 +116,7 @@ def test_drives_that_are_off() -> None:
 def test_a_branch_over_the_amplitude_of_a_drive_that_is_off() -> None:
     system = loaded(TWO)
     found = continue_cycle(find_cycle(system, parameters={"G": 0.0}), "G", (0.0, 0.1))
-    assert "the drives have another period" in found.ended
+    assert "the drives have a different period" in found.ended
     whole = continue_cycle(find_cycle(system, parameters={"G": 0.05}), "G", (0.04, 0.06))
     assert whole.certificate.ok
     assert whole.points["period"].values == pytest.approx(THREE, rel=1e-13)

@@ -109,7 +109,7 @@ def test_carried_along_the_edge() -> None:
     clean(found)
     first, both, last = found.special
     assert {point.kind for point in found.special} == {"slip onset"}
-    assert "one way" in first.note
+    assert "one direction" in first.note
     assert first.value == pytest.approx(onset(1.0, 1.2, 0.2), rel=1e-9)
     assert (both.value, last.value) == pytest.approx((onset(1.0, 1.2), onset(1.25, 1.5)), rel=1e-8)
     points = found.points

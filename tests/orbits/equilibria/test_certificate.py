@@ -67,7 +67,7 @@ def test_numbers_are_shown() -> None:
     assert names == ["equations", "nearest guard", "eigenvalues"]
     assert found.certificate["nearest guard"].note == "contact 'block' goes from slip- to stick"
     assert 0.0 < found.eigenvalue_error < 1e-9
-    assert found.describe().endswith("; stable; certified: 3 residuals in limits")
+    assert found.describe().endswith("; stable; certified: all 3 residuals within their limits")
 
 
 def test_a_wrong_state_is_not_certified() -> None:

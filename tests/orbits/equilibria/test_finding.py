@@ -292,10 +292,10 @@ def test_none() -> None:
     found = equilibria(flow({"x": "1 + p*x**2"}, p=1.0))
     assert len(found) == 0
     assert found.message.startswith(
-        "no equilibrium was found (1 of 1 combinations of modes and regions, 64 starts each"
+        "no equilibrium was found (tried 1 of 1 combinations of modes and regions with 64 starts "
     )
     virtual = equilibria(flow({"x": "1 + abs(x)"}))
-    assert "past the boundary where x = 0" in virtual.message
+    assert "beyond the boundary where x = 0" in virtual.message
 
 
 def test_only_inside_the_box() -> None:
@@ -310,13 +310,13 @@ def test_only_inside_the_box() -> None:
     [
         (lambda: equilibria(catalogue.forced_oscillator()), "depend on time .*'force'.*find_cycle"),
         (lambda: equilibria("spring_slider"), "expected a System"),  # type: ignore[arg-type]
-        (lambda: equilibria(catalogue.spring_slider(), parameters={"W": 1.0}), "no such parameter"),
+        (lambda: equilibria(catalogue.spring_slider(), parameters={"W": 1.0}), "unknown parameter"),
         (
             lambda: equilibria(catalogue.spring_slider(), box={"u": (0, 1)}),
-            "box.u: there is no such state",
+            "box.u: unknown state",
         ),
         (lambda: equilibria(catalogue.spring_slider(), box={"U": (1, 0)}), "not a range"),
-        (lambda: continue_equilibrium(catalogue.spring_slider(), "W", (0, 1)), "no such parameter"),
+        (lambda: continue_equilibrium(catalogue.spring_slider(), "W", (0, 1)), "unknown parameter"),
         (
             lambda: continue_equilibrium(catalogue.spring_slider(), "nu", (0, 1)),
             "outside the admissible range",
@@ -337,7 +337,7 @@ def test_only_inside_the_box() -> None:
                 (0.3, 1.0),
                 start=only(catalogue.spring_slider(), V=0.2),
             ),
-            "found at V = 0.2, outside",
+            "the start is at V = 0.2, outside",
         ),
     ],
 )
@@ -480,7 +480,7 @@ def test_a_branch_goes_on_across_a_kink() -> None:
     (boundary,) = branch.special
     assert boundary.kind == "boundary equilibrium"
     assert boundary.value == pytest.approx(0.0, abs=1e-14)
-    assert boundary.note == "x = 0; the branch goes on"
+    assert boundary.note == "x = 0; the branch continues"
     p, x = branch.points["p"].values, branch.points["x"].values
     assert x == pytest.approx(np.where(p > 0, p / 1.5, p / 0.5), abs=1e-12)
     assert np.all(np.diff(p) > 0)
@@ -501,7 +501,7 @@ def test_a_branch_ends_on_a_boundary() -> None:
     system = flow({"x": "piecewise(x > 0, p - x, p - 5 - x)"}, {"x": 0.3}, p=0.5)
     branch = continue_equilibrium(system, "p", (-1.0, 1.0))
     (boundary,) = branch.special
-    assert boundary.note == "x = 0; no equilibrium goes on from there"
+    assert boundary.note == "x = 0; no equilibrium continues from there"
     assert branch.ended.startswith("first point: boundary equilibrium at p = ")
     assert branch.ended.endswith("x = 0; last point: p = 1, the end of the range")
 
@@ -580,8 +580,8 @@ def test_curves_need_their_point(kind: str) -> None:
         return
     for names, given_ranges, message in (
         (("V", "V"), ranges, "are the same"),
-        (("V", "W"), {**ranges, "W": (0, 1)}, "no such parameter"),
-        (("V", "nu"), {"V": (0.02, 0.5)}, r"ranges\.nu: it is missing"),
+        (("V", "W"), {**ranges, "W": (0, 1)}, "unknown parameter"),
+        (("V", "nu"), {"V": (0.02, 0.5)}, r"ranges\.nu: the range is missing"),
         (("V", "nu"), {**ranges, "V": (0.3, 0.5)}, r"the point lies at V = 0\.2248"),
     ):
         with pytest.raises(DeclarationError, match=message):

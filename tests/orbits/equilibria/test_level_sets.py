@@ -259,7 +259,7 @@ def test_what_is_not_proved_is_said(tmp_path: Any) -> None:
     assert not found.sets[0].exact
     assert "not complete: " in found.message
     many = ss.equilibria(block("sin(x) + cos(sqrt(2)*x)", 0.5))
-    assert "sets outside -64 ≤ x ≤ 64 were not looked for" in many.message
+    assert "sets outside -64 ≤ x ≤ 64 were not searched" in many.message
     assert not many.certificate.ok
     many.save(tmp_path / "many.nc")
     assert ss.open(tmp_path / "many.nc").message == many.message
@@ -311,7 +311,7 @@ def test_points_of_polyhedra_and_isolated_equilibria() -> None:
     (one,) = belt.isolated
     assert belt.contains(one.state)
     assert not belt.contains({**one.state, "x": one.state["x"] + 1e-3})
-    with pytest.raises(ss.DeclarationError, match=r"point\.y: its value is missing"):
+    with pytest.raises(ss.DeclarationError, match=r"point\.y: the value is missing"):
         found.contains({"x": 0.5})
     with pytest.raises(ss.DeclarationError, match="z: not a part of the state"):
         found.contains({"x": 0.5, "y": 0.5, "z": 1.0})

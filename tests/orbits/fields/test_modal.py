@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 import stickslip as ss
 from stickslip.arrays import Array
-from stickslip.motion.affine.between import states_in_flights
+from stickslip.motion.between.flights import states_in_flights
 from stickslip.motion.problem import pose
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields import variational

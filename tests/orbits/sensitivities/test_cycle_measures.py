@@ -110,11 +110,11 @@ def test_fast_modes_are_resolved() -> None:
 def test_bad_input() -> None:
     cycle = ss.find_cycle(ss.catalogue.belt_stribeck())
     for measure, reason in {
-        "heigth:x": "Did you mean 'low'|no measure with a derivative",
-        "high:y": "no quantity of this motion has this name",
+        "heigth:x": "Did you mean 'low'|unknown measure",
+        "high:y": "unknown quantity",
         "speed": "does not drift",
-        "speed:y": "no component of the state",
-        "energy_per_cycle:shoe": "no contact",
+        "speed:y": "not a component of the state",
+        "energy_per_cycle:shoe": "unknown contact",
         "mean:abs(d_x)": "it has a kink that the motion does not have",
         "cost_of_transport:x": "x",
     }.items():

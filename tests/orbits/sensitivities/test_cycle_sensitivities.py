@@ -69,5 +69,5 @@ def test_linear_oscillator() -> None:
 
 def test_bad_input() -> None:
     cycle = ss.find_cycle(ss.catalogue.belt_stribeck())
-    with pytest.raises(ss.DeclarationError, match="no parameter has this name"):
+    with pytest.raises(ss.DeclarationError, match="unknown parameter"):
         cycle.sensitivity(["nothing"])

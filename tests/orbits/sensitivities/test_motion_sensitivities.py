@@ -223,10 +223,10 @@ def test_dataset() -> None:
 @pytest.mark.parametrize(
     ("names", "times", "of", "said"),
     [
-        (["mu"], None, None, "no parameter, and no part of the state"),
-        (["k"], [99.0], None, "outside the computed span"),
-        (["k"], None, ["xx"], "no quantity"),
-        (["k"], None, ["dissipated_energy"], "summed up"),
+        (["mu"], None, None, "unknown parameter or part of the state"),
+        (["k"], [99.0], None, "outside the computed time span"),
+        (["k"], None, ["xx"], "unknown quantity"),
+        (["k"], None, ["dissipated_energy"], "is an integral"),
         (["k"], None, ["abs(x)"], "kink"),
     ],
 )

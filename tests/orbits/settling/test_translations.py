@@ -125,10 +125,10 @@ def test_what_moves_on_evenly_does_not_rest() -> None:
             for i, speed in enumerate((-1.0, 0.5, 0.5))
         },
     )
-    with pytest.raises(ConvergenceError, match=r"becomes steady.*x0 at the speed -1, x1 at.* 0\.5"):
+    with pytest.raises(ConvergenceError, match=r"becomes steady.*x0 at speed -1, x1 at.* 0\.5"):
         ss.find_cycle(carried)
     free = replace(carried, contacts={})
-    with pytest.raises(ConvergenceError, match="come in a family, also beside translations"):
+    with pytest.raises(ConvergenceError, match="form a continuous family, apart from translations"):
         ss.find_cycle(free, {"x0": 0.4, "d_x1": 0.3})
 
 

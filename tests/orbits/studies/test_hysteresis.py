@@ -155,7 +155,7 @@ def test_what_has_no_such_operator() -> None:
         HysteresisOperator.of(catalogue.belt_block())
     with pytest.raises(DeclarationError, match="not piecewise affine"):
         HysteresisOperator.of(catalogue.rocking_toy(H_R="H_star/2*(1 + tanh(psi))"))
-    with pytest.raises(DeclarationError, match="G- is above"):
+    with pytest.raises(DeclarationError, match="G- exceeds"):
         HysteresisOperator.of(catalogue.rocking_toy(), parameters={"P": 2.0})
     with pytest.raises(DeclarationError, match="do not alternate"):
         HysteresisOperator.of(catalogue.rocking_toy(), parameters={"H_star": 0.5, "P": 0.3}).X  # noqa: B018

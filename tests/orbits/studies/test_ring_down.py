@@ -164,7 +164,7 @@ def test_a_structure_that_rubs() -> None:
 
 def test_what_does_not_swing() -> None:
     creeping = ss.ring_down(RUBBING, initial={"x": 1.0}, parameters={"F": 0.0, "c": 3.0})
-    assert not creeping.stops and "does not swing" in creeping.message
+    assert not creeping.stops and "does not oscillate" in creeping.message
     held = ss.ring_down(RUBBING, initial={"x": 0.5})
     for decay in (creeping, held):
         assert len(decay) == 0 and not decay.outcome.ok and not decay.summary().good
@@ -203,7 +203,7 @@ SHAKEN = spring_and_mass(contacts={"floor": ss.Contact("d_x", "F", "F*cos(t)")})
     [
         ({"system": DRIVEN}, "drive 'force'"),
         ({"system": SHAKEN}, "depends on time"),
-        ({"coordinate": "y"}, "there is no coordinate 'y'"),
+        ({"coordinate": "y"}, "unknown coordinate 'y'"),
         ({"coordinate": "d_x"}, "Did you mean 'x'?"),
         (
             {"system": ss.catalogue.jenkins_oscillator(force="0"), "coordinate": "r_damper"},

@@ -41,7 +41,7 @@ EvolutionOptions = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Parameter, or function or drive as a formula; a drive may be a file of samples, "
+        help="Parameter, or a formula for a function or drive, or a file of samples for a drive, "
         "as in a=base.csv; may be repeated.",
     ),
 ]
@@ -50,7 +50,7 @@ EvolutionOptions = Annotated[
 def average_command(
     file: File, settings: EvolutionOptions = None, out: Out = None, json_: Json = False
 ) -> None:
-    """Average oscillating friction: which friction is left, and which phases do the moving.
+    """Average oscillating friction: the effective friction, and the phases at which motion occurs.
 
     Writes summary.json and overview.png into the folder DIR.
 
@@ -73,21 +73,21 @@ def evolve_command(
     ] = None,
     steps: Annotated[
         int | None,
-        typer.Option("--steps", metavar="N", help="Steps of equal length.  [default: adaptive]"),
+        typer.Option("--steps", metavar="N", help="Number of equal steps.  [default: adaptive]"),
     ] = None,
     averaged: Annotated[
-        bool, typer.Option("--averaged", help="The limit of fast oscillations.")
+        bool, typer.Option("--averaged", help="Compute the limit of fast oscillations.")
     ] = False,
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Compute a rate-independent evolution, certify it, and write it down.
+    """Compute, certify and store a rate-independent evolution.
 
     Writes evolution.nc, summary.json and overview.png into the folder DIR. A scalar play is
     computed exactly.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
-    kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (the results so far
+    are kept).
     """
     from stickslip.rate_independent.evolution.blocks import evolved
 
@@ -153,13 +153,7 @@ def heading(model: EvolutionModel) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Averaged:
-    """An average, as a command shows it.
-
-    Attributes
-    ----------
-    model : EvolutionModel
-    average : Average
-    """
+    """An average, as a command shows it."""
 
     model: EvolutionModel
     average: Average
@@ -240,7 +234,7 @@ class Averaged:
             cost = f"{motion['average']:.6g}, moves {when}"
             sign = "+" if motion["sign"] > 0 else "-"
             name = f"  {sign}e_{motion['component']}"
-            rows.append((name, f"{cost}; one phase alone costs {low:.6g} to {high:.6g}"))
+            rows.append((name, f"{cost}; a single phase costs {low:.6g} to {high:.6g}"))
         if len(self.unit_motions) > 2 * _SHOWN:
             rows.append(("  ...", f"({data['dimension']} components in all)"))
         return rows
@@ -265,7 +259,7 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
     """How the average was found, what it is, and its numbers."""
     known = averaged.closed_form
     if known is not None:
-        method = "closed form: each threshold at its least over the phase"
+        method = "closed form: minimum of each threshold over the phase"
         return {"method": method, "psi_av": summed(known.terms), **known.numbers}
     low, high = extremes(averaged)
     words = (
@@ -274,7 +268,8 @@ def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
         else f"between {low:.6g} |v| and {high:.6g} |v|"
     )
     return {
-        "method": f"intersection of K(s) over all phases, by cone programs to {_TOLERANCE:.0e}",
+        "method": "intersection of K(s) over all phases, by cone programs with tolerance "
+        f"{_TOLERANCE:.0e}",
         "psi_av": words + ("" if source.dimension <= 2 else " along random directions"),
         "extremes": [low, high],
     }

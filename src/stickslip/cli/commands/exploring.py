@@ -12,37 +12,37 @@ def explore_command(
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="A name of the catalogue, a .toml file, or what an address has behind its #.",
+            help="Name of a catalogue system, a .toml file, or the part of an address after #.",
         ),
     ] = None,
     port: Annotated[
-        int | None, typer.Option("--port", metavar="N", help="Port to listen at.", min=0, max=65535)
+        int | None, typer.Option("--port", metavar="N", help="Port to listen on.", min=0, max=65535)
     ] = None,
     host: Annotated[
-        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen at.")
+        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")
     ] = "127.0.0.1",
     allow: Annotated[
         list[str] | None,
         typer.Option(
             "--allow",
             metavar="NAME",
-            help="A name of this machine under which browsers may ask; may be repeated.",
+            help="Host name accepted in requests; may be repeated.",
         ),
     ] = None,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
 ) -> None:
-    """Look and play: a page in the browser, with the exact motion while a slider is dragged.
+    """Open an interactive page in the browser, with the exact motion for every slider position.
 
-    Without MODEL it begins with the gallery. The page talks to this machine only; its address holds
-    a random token. Ctrl-C ends it.
+    Without MODEL it starts with the gallery. The page connects to this machine only; its address
+    contains a random token. Press Ctrl-C to stop it.
     """
     from stickslip.explorer.explore import listening_explorer
 
     explorer = listening_explorer(model, port=port, host=host, names=tuple(allow or ()))
-    typer.echo(f"The explorer is at {explorer.address}")
-    typer.echo("Ctrl-C ends it.")
+    typer.echo(f"The explorer runs at {explorer.address}")
+    typer.echo("Press Ctrl-C to stop it.")
     if browser:
         import webbrowser
 

@@ -29,14 +29,14 @@ FIT = Files("fit.nc", {"fit.csv": lambda found: found.table})
 def fit_command(
     model: Model,
     data: Annotated[
-        list[Path], typer.Argument(metavar="DATA...", help="Files of columns, one for each record.")
+        list[Path], typer.Argument(metavar="DATA...", help="Files with columns, one per record.")
     ],
     free: Annotated[
         list[str],
         typer.Option(
             "--free",
             metavar="NAME[=LOW:HIGH]",
-            help="Parameter, or initial value, to look for; by default in its declared range.",
+            help="Parameter or initial value to fit; by default in its declared range.",
         ),
     ],
     observe: Annotated[
@@ -44,8 +44,8 @@ def fit_command(
         typer.Option(
             "--observe",
             metavar="QUANTITY=COLUMN",
-            help="What a column is of, such as x=position; by default columns are called as "
-            "quantities are.",
+            help="Quantity of a column, such as x=position; by default columns have the names of "
+            "quantities.",
         ),
     ] = None,
     settings: ParameterOptions = None,
@@ -59,36 +59,37 @@ def fit_command(
     ] = None,
     drive: Annotated[
         list[str] | None,
-        typer.Option("--drive", metavar="DRIVE=COLUMN", help="A drive that was recorded."),
+        typer.Option("--drive", metavar="DRIVE=COLUMN", help="Recorded drive."),
     ] = None,
     noise: Annotated[
         list[str] | None,
         typer.Option(
             "--noise",
             metavar="COLUMN=SIGMA",
-            help="Standard deviation, or the column it is in; by default it is estimated.",
+            help="Standard deviation, or the name of its column; estimated by default.",
         ),
     ] = None,
     loss: Annotated[
         str, typer.Option("--loss", help="linear, soft_l1, huber or cauchy.")
     ] = "linear",
     time: Annotated[
-        str, typer.Option("--time", metavar="COLUMN", help="The time.  [default: time or t]")
+        str,
+        typer.Option("--time", metavar="COLUMN", help="Column of the time.  [default: time or t]"),
     ] = "",
     events: Annotated[
         str,
         typer.Option("--events", metavar="EVENT", help="Rows are events, such as 'ground slips'."),
     ] = "",
-    starts: Annotated[int, typer.Option("--starts", help="How many starts are tried.")] = 8,
+    starts: Annotated[int, typer.Option("--starts", help="Number of starts.")] = 8,
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the parameters for which a system explains data best, and how well they are known.
+    """Fit parameters of a system to data, with confidence intervals.
 
     Writes fit.nc, fit.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 found and certified, 1 not, 2 wrong input, 130 interrupted (the best so far is
-    kept).
+    Exit code: 0 found and certified, 1 not, 2 wrong input, 130 interrupted (the best fit so
+    far is kept).
     """
     from stickslip import Fit, Recording, fit
 

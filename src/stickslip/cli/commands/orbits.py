@@ -49,12 +49,12 @@ def run_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Compute a motion, certify it, and write it down.
+    """Compute, certify and store a motion.
 
     Writes trajectory.nc, events.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
-    kept).
+    Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Trajectory, simulate
 
@@ -74,7 +74,7 @@ def events_command(
     ],
     faster_than: Annotated[
         float | None,
-        typer.Option("--faster-than", metavar="RATE", help="An event is what is faster."),
+        typer.Option("--faster-than", metavar="RATE", help="Rate above which an event is counted."),
     ] = None,
     out: Out = None,
     json_: Json = False,
@@ -82,7 +82,7 @@ def events_command(
     """List the slip events of a stored motion: start, duration, size, energy.
 
     An event lasts from the first slip after all contacts have stuck to the next time when all do;
-    with --faster-than, as long as some coordinate is faster.
+    with --faster-than, while some coordinate is faster.
     Writes catalogue.nc, catalogue.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 listed and certified, 1 not, 2 wrong input.
@@ -92,8 +92,8 @@ def events_command(
 
     motion = open_result(file)
     if not isinstance(motion, Trajectory):
-        reason = f"holds {named(motion.KIND)}, no motion"
-        raise DeclarationError(str(file), reason, "Give a file that 'stickslip run' wrote")
+        reason = f"contains {named(motion.KIND)}, not a motion"
+        raise DeclarationError(str(file), reason, "Give a file written by 'stickslip run'")
 
     def work(progress: ShowProgress) -> EventCatalogue:
         return motion.event_catalogue(faster_than=faster_than)
@@ -104,7 +104,7 @@ def events_command(
 def equilibria_command(
     model: Model, settings: ParameterOptions = None, out: Out = None, json_: Json = False
 ) -> None:
-    """Find the states of rest and of steady sliding, and whether they are stable.
+    """Find the states of rest and of steady sliding, and their stability.
 
     Writes equilibria.nc, equilibria.csv, summary.json and overview.png into the folder DIR.
 
@@ -131,7 +131,7 @@ def cycle_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the cycle or gait that the motion from the initial state settles on.
+    """Find the cycle or gait on which the motion from the initial state settles.
 
     Writes cycle.nc, summary.json and overview.png into the folder DIR.
 
@@ -161,19 +161,21 @@ def branch_command(
     cycles: Annotated[
         bool,
         typer.Option(
-            "--cycle", help="Follow a cycle, as where time drives the system or its state jumps."
+            "--cycle",
+            help="Follow a cycle instead of an equilibrium; needed if the system depends on time "
+            "or its state jumps.",
         ),
     ] = False,
     time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Follow an equilibrium (or a cycle) over a parameter, and name what happens to it.
+    """Follow an equilibrium (or a cycle) over a parameter, and report special points.
 
     Writes branch.nc, branch.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (what was
-    computed is kept).
+    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
     from stickslip.equations.derive import derive
@@ -181,7 +183,9 @@ def branch_command(
 
     ranges = spans(over)
     if len(ranges) != 1:
-        raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A branch has one")
+        raise DeclarationError(
+            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
+        )
     parameter, (low, high) = next(iter(ranges.items()))
     start = given(initial)
     system = load_model(model, settings or [], until)
@@ -215,7 +219,7 @@ def response_command(
             "--over",
             metavar="NAME=LOW:HIGH",
             help="The frequency, such as omega=0.5:1.5.",
-            show_default="that of the drive, from 0.5 to 1.5 of its value",
+            show_default="the drive frequency, from 0.5 to 1.5 times its value",
         ),
     ] = None,
     level: Annotated[
@@ -223,7 +227,7 @@ def response_command(
         typer.Option(
             "--level",
             metavar="NAME=VALUES",
-            help="A line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
+            help="Levels, one line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
         ),
     ] = None,
     of: Annotated[
@@ -231,7 +235,8 @@ def response_command(
         typer.Option(
             "--of",
             metavar="FORMULA",
-            help="Whose response it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
+            help="Quantity of the response: a coordinate, an output, 'u[tip]' or 'u[tip] - "
+            "u[root]'.",
         ),
     ] = None,
     drive: Annotated[
@@ -239,11 +244,14 @@ def response_command(
         typer.Option(
             "--drive",
             metavar="FORMULA",
-            help="Relative to which phases are measured: a drive of the model, or a formula of t.",
+            help="Reference of the phases: a drive of the model, or a formula of t.",
         ),
     ] = None,
     points: Annotated[
-        int, typer.Option("--points", metavar="N", help="Frequencies of the sweeps up and down.")
+        int,
+        typer.Option(
+            "--points", metavar="N", help="Number of frequencies of the sweeps up and down."
+        ),
     ] = 25,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -251,18 +259,20 @@ def response_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Follow the response to a drive over its frequency: amplitude and phase, stable or not.
+    """Follow the response to a drive over its frequency: amplitude, phase and stability.
 
     Writes response.nc, response.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or no response, 2 wrong input, 130 interrupted (what was computed
-    is kept).
+    Exit code: 0 certified, 1 not, or no response, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import FrequencyResponse, frequency_response
 
     ranges = spans(over or [])
     if len(ranges) > 1:
-        raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A response has one")
+        raise DeclarationError(
+            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
+        )
     start = given(initial)
     system = load_model(model, settings or [])
     parameter, (low, high) = next(iter(ranges.items())) if ranges else _around_drive(system)
@@ -306,7 +316,7 @@ def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
         raise DeclarationError(
             "--over",
             said if found else "no parameter changes the frequency of a drive",
-            "Say what varies, like --over omega=0.5:1.5",
+            "Give the parameter, like --over omega=0.5:1.5",
         )
     low, high = sorted((0.5 * values[found[0]], 1.5 * values[found[0]]))
     return found[0], (low, high)
@@ -316,7 +326,7 @@ def ring_down_command(
     model: Model,
     coordinate: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose vibration it is."),
+        typer.Option("--coordinate", metavar="NAME", help="Coordinate of the vibration."),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -326,14 +336,14 @@ def ring_down_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Let a vibration decay: amplitude, frequency and damping of every half-cycle.
+    """Analyse a decaying vibration: amplitude, frequency and damping of every half-cycle.
 
-    Nothing may drive the model: --set force=0 lets a drive of that name rest.
+    The model must not be driven: --set force=0 switches off a drive of that name.
 
     Writes ring-down.nc, ring-down.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing swings, 2 wrong input, 130 interrupted (what was
-    computed is kept).
+    Exit code: 0 certified, 1 not, or no vibration, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import RingDown, ring_down
 
@@ -357,29 +367,35 @@ def ring_down_command(
 def backbone_command(
     model: Model,
     amplitudes: Annotated[
-        str, typer.Option("--amplitudes", metavar="LOW:HIGH", help="Their range, such as 0.1:10.")
+        str,
+        typer.Option(
+            "--amplitudes", metavar="LOW:HIGH", help="Range of amplitudes, such as 0.1:10."
+        ),
     ],
     coordinate: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose amplitude, such as 'u[tip]'."),
+        typer.Option(
+            "--coordinate", metavar="NAME", help="Coordinate of the amplitude, such as 'u[tip]'."
+        ),
     ] = None,
     mode: Annotated[
-        int, typer.Option("--mode", metavar="N", help="The linear mode to begin with, from 1.")
+        int, typer.Option("--mode", metavar="N", help="Linear mode to start from; 1 is the lowest.")
     ] = 1,
     points: Annotated[
-        int, typer.Option("--points", metavar="N", help="Amplitudes, in equal ratios.")
+        int,
+        typer.Option("--points", metavar="N", help="Number of amplitudes, spaced geometrically."),
     ] = 30,
     settings: ParameterOptions = None,
     time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find the frequency and the damping of a mode over its amplitude, without a drive.
+    """Find the frequency and damping of a mode over its amplitude, without a drive.
 
     Writes backbone.nc, backbone.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 certified at all amplitudes, 1 not, or no cycle, 2 wrong input, 130 interrupted
-    (what was computed is kept).
+    (the results so far are kept).
     """
     from stickslip import Backbone, backbone
 
@@ -422,19 +438,19 @@ def basin_command(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Find out which attractor each of many initial states reaches.
+    """Compute which attractor each of many initial states reaches.
 
     Writes basin.nc, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 all arrived and certified, 1 not, 2 wrong input, 130 interrupted (what was computed
-    is kept).
+    Exit code: 0 all settled and certified, 1 not, 2 wrong input, 130 interrupted (the results
+    so far are kept).
     """
     from stickslip import Basin
     from stickslip import basin as find
 
     if len(over) != 2:
         raise DeclarationError(
-            "--over", f"{len(over)} initial values vary", "A map needs two, with --over each"
+            "--over", f"{len(over)} initial values were given", "Give two, each with --over"
         )
     start = given(initial)
     system = load_model(model, settings or [], until)

@@ -48,7 +48,8 @@ def records_command(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="FOLDER", help="Of records: tables (.csv, ...) or PEER files (.AT2, ...)."
+            metavar="FOLDER",
+            help="Folder of records: tables (.csv, ...) or PEER files (.AT2, ...).",
         ),
     ],
     measure: MeasureOptions,
@@ -57,7 +58,7 @@ def records_command(
         typer.Option(
             "--scale",
             metavar="VALUES",
-            help="What the records are multiplied by, such as 0.2:2:10, or 1,2,5.",
+            help="Factors of the records, such as 0.2:2:10, or 1,2,5.",
         ),
     ] = None,
     over: Annotated[
@@ -65,7 +66,7 @@ def records_command(
         typer.Option(
             "--over",
             metavar="NAME=VALUES",
-            help="What else varies, such as mu=0.1,0.2; may be repeated.",
+            help="Further axis, such as mu=0.1,0.2; may be repeated.",
         ),
     ] = None,
     limit: Annotated[
@@ -73,7 +74,7 @@ def records_command(
         typer.Option(
             "--limit",
             metavar="MEASURE=VALUE",
-            help="Say how many records exceed it, such as slip=0.05.",
+            help="Report the fraction of records that exceed a limit, such as slip=0.05.",
         ),
     ] = None,
     drive: Annotated[
@@ -81,7 +82,8 @@ def records_command(
         typer.Option(
             "--drive",
             metavar="NAME",
-            help="What is recorded; of several, each a column.  [default: the only one]",
+            help="Recorded drive; if there are several, one column each.  [default: the only "
+            "drive]",
         ),
     ] = None,
     time: Annotated[str, typer.Option("--time", metavar="NAME", help="Column of the times.")] = "",
@@ -93,29 +95,36 @@ def records_command(
         typer.Option(
             "--kind",
             metavar="linear|cubic|hold",
-            help="What is between two samples.",
+            help="Interpolation between samples.",
         ),
     ] = "linear",
     factor: Annotated[
-        float, typer.Option("--factor", help="All values are multiplied by it, such as 9.81.")
+        float, typer.Option("--factor", help="Factor of all values, such as 9.81.")
     ] = 1.0,
     peak: Annotated[
         float | None,
-        typer.Option("--peak", help="Each record is scaled to this largest absolute value."),
+        typer.Option("--peak", help="Scale each record to this largest absolute value."),
     ] = None,
     pattern: Annotated[
-        str, typer.Option("--pattern", metavar="NAME", help="Of the files, such as '*_h1.csv'.")
+        str,
+        typer.Option(
+            "--pattern", metavar="NAME", help="Pattern of the file names, such as '*_h1.csv'."
+        ),
     ] = "",
-    gaps: Annotated[bool, typer.Option("--gaps", help="Records may have gaps.")] = False,
+    gaps: Annotated[bool, typer.Option("--gaps", help="Allow gaps in records.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME-records.zarr]"),
+        typer.Option(
+            "--out", metavar="STORE", help="Path of the map.  [default: out/NAME-records.zarr]"
+        ),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
     until: Annotated[
         float | None,
-        typer.Option("--until", metavar="T", help="End of all.  [default: that of each record]"),
+        typer.Option(
+            "--until", metavar="T", help="End of the time span.  [default: the end of each record]"
+        ),
     ] = None,
     rtol: Rtol = 1e-10,
     workers: Workers = None,
@@ -130,13 +139,13 @@ def records_command(
 ) -> None:
     """Measure a system under every record of a folder, at many scales, and over parameters.
 
-    Each motion lasts as long as its record. Writes a Zarr store, record by record; the same command
-    takes up what was interrupted, and --extend adds records. With --limit, also the share of
-    records that exceed it: fragility.nc, fragility.csv, summary.json and overview.png into the
-    folder of that name beside the store.
+    Each motion covers the time of its record. Writes a Zarr store, record by record; run the same
+    command again to resume, and use --extend to add records. With --limit, also writes the fraction
+    of records that exceed it: fragility.nc, fragility.csv, summary.json and overview.png, into the
+    folder of that name next to the store.
 
-    Exit code: 0 complete (and certified, with --limit), 1 not, 2 wrong input, 130 interrupted (what
-    was computed is kept).
+    Exit code: 0 complete (and certified, with --limit), 1 not, 2 wrong input, 130 interrupted (the
+    results so far are kept).
     """
     from stickslip import Records, Settings
     from stickslip import sweep as compute
@@ -151,7 +160,9 @@ def records_command(
     axes |= {} if scale is None else {"scale": scale}
     for name, values in axes_of_texts(over or []).items():
         if name in axes:
-            raise DeclarationError(f"--over {short(name)}", "it varies already", "Give it once")
+            raise DeclarationError(
+                f"--over {short(name)}", "it is already varied", "Give it once only"
+            )
         axes[name] = values
     path = out or folder_of(system.name, "records").with_suffix(".zarr")
     span = None if until is None else (float(system.span[0]), until)
@@ -195,4 +206,6 @@ def _limit(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         reason = "not of the form MEASURE=VALUE"
-        raise DeclarationError(f"--limit {short(text)}", reason, "Like --limit slip=0.05") from None
+        raise DeclarationError(
+            f"--limit {short(text)}", reason, "Write it like --limit slip=0.05"
+        ) from None

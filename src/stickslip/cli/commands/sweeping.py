@@ -31,28 +31,27 @@ if TYPE_CHECKING:
 
 ShowPoints = Callable[["Progress"], None] | None
 Workers = Annotated[
-    int | None, typer.Option("--workers", help="Threads or processes.  [default: cores]")
+    int | None,
+    typer.Option("--workers", help="Number of threads or processes.  [default: number of cores]"),
 ]
-Processes = Annotated[bool, typer.Option("--processes", help="Processes in place of threads.")]
+Processes = Annotated[bool, typer.Option("--processes", help="Use processes instead of threads.")]
 Scheduler = Annotated[
     str | None,
     typer.Option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address."),
 ]
 LocalCluster = Annotated[bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")]
-Extend = Annotated[
-    bool, typer.Option("--extend", help="Add points to a map over some of these values.")
-]
+Extend = Annotated[bool, typer.Option("--extend", help="Add points to a stored map.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")]
-Repair = Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")]
+Repair = Annotated[bool, typer.Option("--repair", help="Recompute damaged chunks.")]
 Rtol = Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")]
 MeasureOptions = Annotated[
     list[str],
     typer.Option(
         "--measure",
         metavar="MEASURE",
-        help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-        "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g ..., "
-        "also of one part as in amplitude:psi; 'name = formula' of these; "
+        help="Measure: period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
+        "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g "
+        "..., also of one part as in amplitude:psi; 'name = formula' of these; "
         "file.py:function; may be repeated.",
     ),
 ]
@@ -65,15 +64,15 @@ def sweep_command(
         typer.Option(
             "--over",
             metavar="NAME=VALUES",
-            help="What varies, such as P=0.8:1.6:400, delta=log:0.01:0.2:300, psi=0.1,0.2, "
-            "'P,H_star=1:2:9; 3:4:9' or "
-            "'P,delta=sobol:1024; 0.8:1.6; 0.01:0.2'; may be repeated.",
+            help="Axis of the map, such as P=0.8:1.6:400, delta=log:0.01:0.2:300, psi=0.1,0.2, "
+            "'P,H_star=1:2:9; 3:4:9' or 'P,delta=sobol:1024; 0.8:1.6; 0.01:0.2'; may be "
+            "repeated.",
         ),
     ],
     measure: MeasureOptions,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]"),
+        typer.Option("--out", metavar="STORE", help="Path of the map.  [default: out/NAME.zarr]"),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -81,7 +80,9 @@ def sweep_command(
     rtol: Rtol = 1e-10,
     tolerance: Annotated[
         float,
-        typer.Option("--tolerance", help="What may be missing to the cycle of a settled motion."),
+        typer.Option(
+            "--tolerance", help="Relative tolerance for a motion to count as settled on a cycle."
+        ),
     ] = 1e-8,
     max_time: Annotated[
         float | None,
@@ -92,19 +93,21 @@ def sweep_command(
     longest_cycle: Annotated[
         int,
         typer.Option(
-            "--longest-cycle", metavar="N", help="Most events, or periods of the drive, of a cycle."
+            "--longest-cycle",
+            metavar="N",
+            help="Maximum number of events, or of drive periods, of a cycle.",
         ),
     ] = 48,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Of random and low-discrepancy samples.")
+        int, typer.Option("--seed", min=0, help="Seed of random and low-discrepancy samples.")
     ] = 0,
     carry: Annotated[
         str | None,
         typer.Option(
             "--carry",
             metavar="AXIS [up|down|both]",
-            help="Along this axis every point begins where the one before has settled, such as "
-            "omega, 'omega down', or 'omega both': up, and down again.",
+            help="Start every point along this axis from the settled state of the previous one, "
+            "such as omega, 'omega down', or 'omega both' for up and down.",
         ),
     ] = None,
     adaptive: Annotated[
@@ -119,7 +122,7 @@ def sweep_command(
         float,
         typer.Option(
             "--contrast",
-            help="Change, relative to the range of a measure, that --adaptive refines.",
+            help="Change relative to the range of the measure above which --adaptive refines.",
         ),
     ] = 0.05,
     workers: Workers = None,
@@ -129,7 +132,7 @@ def sweep_command(
     device: Annotated[
         str,
         typer.Option(
-            "--device", metavar="cpu|gpu", help="Where the compiled loops run; gpu: a CUDA device."
+            "--device", metavar="cpu|gpu", help="Device of the computation: cpu or gpu (CUDA)."
         ),
     ] = "cpu",
     extend: Extend = False,
@@ -139,10 +142,10 @@ def sweep_command(
 ) -> None:
     """Measure a system over parameters and initial values.
 
-    Writes a Zarr store, chunk by chunk; the same command takes up what was interrupted.
+    Writes a Zarr store, chunk by chunk; run the same command again to resume.
 
-    Exit code: 0 complete, 1 a point took longer than its time limit, 2 wrong input, 130 interrupted
-    (what was computed is kept).
+    Exit code: 0 complete, 1 a point reached its time limit, 2 wrong input, 130 interrupted
+    (the results so far are kept).
     """
     from stickslip import sweep as compute
     from stickslip.sweeps.work.chunk import Settings as MapSettings
@@ -202,11 +205,13 @@ def computed_map(
         with who as scheduler, _progress(str(path)) as progress:
             found = work(scheduler, progress)
     except KeyboardInterrupt:
-        text = f"interrupted; what was computed is in {path}; the same command goes on"
+        text = (
+            f"interrupted; the results so far are in {path}; run the same command again to resume"
+        )
         finish(text, EXIT_INTERRUPTED)
     if found.outcome.interrupted:
         done = f"{found.computed:,} of {found.dataset['outcome'].size:,} points are in {path}"
-        finish(f"interrupted; {done}; the same command goes on", EXIT_INTERRUPTED)
+        finish(f"interrupted; {done}; run the same command again to resume", EXIT_INTERRUPTED)
     return found
 
 
@@ -214,25 +219,29 @@ def plot_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result, or a map.")],
     measure: Annotated[
         list[str] | None,
-        typer.Option("--measure", metavar="NAME", help="What to show; may be repeated."),
+        typer.Option("--measure", metavar="NAME", help="Quantity to show; may be repeated."),
     ] = None,
     window: Annotated[
         str | None,
-        typer.Option("--time", metavar="LOW:HIGH", help="Window of the time, of a motion."),
+        typer.Option("--time", metavar="LOW:HIGH", help="Time window of a motion."),
     ] = None,
     coordinate: Annotated[
         list[str] | None,
-        typer.Option("--coordinate", metavar="NAME", help="Of a motion; may be repeated."),
+        typer.Option(
+            "--coordinate", metavar="NAME", help="Coordinate of a motion; may be repeated."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="The picture.  [default: FILE with .png]"),
+        typer.Option(
+            "--out", metavar="FILE", help="Path of the picture.  [default: FILE with .png]"
+        ),
     ] = None,
 ) -> None:
     """Draw a stored result: a motion, a cycle, a branch, a basin, a map or any other.
 
-    By default an overview; with --measure, these measures of a map or a branch, or these
-    quantities. Of a motion or a cycle, --time and --coordinate choose a part.
+    By default draws an overview; with --measure, the given measures of a map or a branch, or
+    quantities. For a motion or a cycle, --time and --coordinate select a part.
     """
     from stickslip import Cycle, Trajectory
     from stickslip import open as open_result
@@ -245,7 +254,7 @@ def plot_command(
     if coordinate:
         part["coordinates"] = coordinate
     if part and not isinstance(result, (Trajectory, Cycle)):
-        reason = f"{file} holds {named(result.KIND)}, no motion"
+        reason = f"{file} contains {named(result.KIND)}, not a motion"
         raise DeclarationError("--time" if window is not None else "--coordinate", reason)
     with paper_style():
         figure = result.plot(*(measure or ()), **part)
@@ -255,7 +264,7 @@ def plot_command(
             figure.savefig(picture)
     except ValueError:
         raise DeclarationError(
-            "--out", f"'{picture}' has no ending of a picture", "Use .png, .pdf or .svg"
+            "--out", f"unknown picture format '{picture}'", "Use .png, .pdf or .svg"
         ) from None
     typer.echo(picture)
 
@@ -264,7 +273,7 @@ def export_command(
     file: Annotated[
         str,
         typer.Argument(
-            metavar="FILE|MODEL", help="A stored result, or a map; of a system, its model."
+            metavar="FILE|MODEL", help="A stored result or map, or the model of a system."
         ),
     ],
     out: Annotated[
@@ -272,17 +281,15 @@ def export_command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A file that ends in .csv, .parquet or .wav; of a model in .fmu or .py.",
+            help="Path of the file: .csv, .parquet or .wav for a result; .fmu or .py for a model.",
         ),
     ] = None,
     fmi: Annotated[
-        bool, typer.Option("--fmi", help="An FMU of the model, NAME.fmu if --out names none.")
+        bool, typer.Option("--fmi", help="Write an FMU of the model; NAME.fmu without --out.")
     ] = False,
     python: Annotated[
         bool,
-        typer.Option(
-            "--python", help="A file of Python of the model, NAME.py if --out names none."
-        ),
+        typer.Option("--python", help="Write a Python file of the model; NAME.py without --out."),
     ] = False,
     settings: ParameterOptions = None,
     input_: Annotated[
@@ -290,38 +297,39 @@ def export_command(
         typer.Option(
             "--input",
             metavar="NAME",
-            help="Parameter or drive that is an input of the FMU; may be repeated.  "
-            "[default: all drives]",
+            help="Parameter or drive to be an input of the FMU; may be repeated.  [default: all "
+            "drives]",
         ),
     ] = None,
     no_inputs: Annotated[
-        bool, typer.Option("--no-inputs", help="All drives of the FMU run as they are declared.")
+        bool,
+        typer.Option("--no-inputs", help="Keep all drives of the FMU as declared, without inputs."),
     ] = False,
     quantity: Annotated[
         list[str] | None,
         typer.Option(
             "--quantity",
             metavar="NAME",
-            help="Column beside the coordinates, output of the FMU, or what is heard; may be "
-            "repeated. [default: all]",
+            help="Further column, output of the FMU, or quantity of the sound; may be repeated. "
+            "[default: all]",
         ),
     ] = None,
     step: Annotated[
         float | None,
-        typer.Option("--step", metavar="DT", help="Time between rows, of a motion or a cycle."),
+        typer.Option("--step", metavar="DT", help="Time between rows of a motion or a cycle."),
     ] = None,
     units: Annotated[
-        bool, typer.Option("--units", help="Units in the names of the columns, of a CSV file.")
+        bool, typer.Option("--units", help="Add units to the column names of a CSV file.")
     ] = False,
     rate: Annotated[
-        int, typer.Option("--rate", metavar="HZ", help="Samples a second, of a sound.")
+        int, typer.Option("--rate", metavar="HZ", help="Samples per second of a sound.")
     ] = 44100,
     seconds: Annotated[
-        float, typer.Option("--seconds", help="How long a unit of time sounds.")
+        float, typer.Option("--seconds", help="Duration in seconds of a unit of time in a sound.")
     ] = 1.0,
 ) -> None:
-    """Write a stored result for other programs: its table as CSV or Parquet, or a quantity of a
-    motion or a cycle as sound; or a model, as an FMU or as a file of Python."""
+    """Export a stored result for other programs: its table as CSV or Parquet, or a quantity of a
+    motion or a cycle as sound; or a model as an FMU or a Python file."""
     from stickslip import export
     from stickslip import open as open_result
 
@@ -332,7 +340,7 @@ def export_command(
     else:
         for option, given in (("--set", settings), ("--input", input_)):
             if given:
-                raise DeclarationError(option, "a stored result is what it is", "Leave it out")
+                raise DeclarationError(option, "a stored result cannot be changed", "Remove it")
         result = open_result(Path(file))
         export(result, place, *(quantity or ()), step=step, units=units, rate=rate, seconds=seconds)
     typer.echo(place)
@@ -342,15 +350,17 @@ def _place(file: str, out: Path | None, asked: Mapping[str, bool]) -> Path:
     """The file that is written."""
     endings = [ending for ending, wanted in asked.items() if wanted]
     if len(endings) > 1:
-        raise DeclarationError("--python", "--fmi asks for another file", "Give one of them")
+        raise DeclarationError(
+            "--python", "--fmi and this option ask for different files", "Use one of them"
+        )
     if out is None:
         if not endings:
-            remedy = "Give --out FILE; of a model, --fmi or --python"
-            raise DeclarationError("--out", "it is not said what is to be written", remedy)
+            remedy = "Give --out FILE or, for a model, --fmi or --python"
+            raise DeclarationError("--out", "the file to write is not specified", remedy)
         return Path(Path(file).stem + endings[0])
     if endings and out.suffix.lower() != endings[0]:
         reason = f"'{out}' does not end in {endings[0]}"
-        raise DeclarationError("--out", reason, f"Call it {out.with_suffix(endings[0])}")
+        raise DeclarationError("--out", reason, f"Use {out.with_suffix(endings[0])}")
     return out
 
 
@@ -368,8 +378,8 @@ def workers_of(
     from stickslip.sweeps.work.scheduler import local_cluster as started
 
     if (address is not None) + local_cluster + processes > 1:
-        reason = "only one of --processes, --scheduler and --local-cluster can do the work"
-        raise DeclarationError("sweep", reason, "Choose one")
+        reason = "--processes, --scheduler and --local-cluster exclude each other"
+        raise DeclarationError("sweep", reason, "Use one of them")
     if local_cluster:
         with started(workers) as found:
             yield found

@@ -43,7 +43,7 @@ def guarded(command: Callable[_P, None]) -> Callable[_P, None]:
             raise
         except Exception as error:
             finish(
-                f"a mistake of ours, please report it ({type(error).__name__}: {error})", _OUR_FAULT
+                f"internal error; please report it ({type(error).__name__}: {error})", _OUR_FAULT
             )
 
     return run

@@ -88,12 +88,12 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
 
 def _check_ours(path: Path, files: Sequence[str]) -> None:
     if not path.is_dir():
-        raise StickslipError(f"{path}: is a file, not a folder. Choose another folder with --out")
+        raise StickslipError(f"{path}: not a folder. Choose another folder with --out")
     found = [name for name in files if os.path.lexists(path / name)]
     if found and not _is_ours(path, files):
         raise StickslipError(
-            f"{path}: holds {', '.join(found)}, not written by stickslip. Choose another folder "
-            "with --out"
+            f"{path}: contains {', '.join(found)}, not written by stickslip. Choose another "
+            "folder with --out"
         )
 
 

@@ -31,8 +31,6 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
 
     Parameters
     ----------
-    model : str
-    settings : iterable of str
     until : float, optional
         End of its time span, which samples have to cover then. By default a span that is declared
         stands, and any other is that of the samples.
@@ -58,7 +56,7 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
     start, _ = system.span
     if not until > start:
         reason = f"the time span begins at {start:g}, and would end at {until:g}"
-        raise DeclarationError("--until", reason, "Let it end later")
+        raise DeclarationError("--until", reason, "Choose a later end")
     return replace(system, span=(start, until)).configure(samples)
 
 
@@ -67,8 +65,6 @@ def differences(result: Result, system: System, model: str) -> list[str]:
 
     Parameters
     ----------
-    result : Result
-    system : System
     model : str
         What the other is called.
 
@@ -80,7 +76,7 @@ def differences(result: Result, system: System, model: str) -> list[str]:
     own = getattr(result, "system", None)
     if not isinstance(own, System):
         reason = f"{result.KIND} is not a result of one system"
-        raise DeclarationError("--model", reason, f"Leave {model} out")
+        raise DeclarationError("--model", reason, f"Remove {model}")
     # The span of a motion is its own, as --until gives it.
     before, now = (s.to_toml().splitlines() for s in (own, replace(system, span=own.span)))
     lost = [f"stored: {line}" for line in before if line and line not in now]
@@ -125,7 +121,7 @@ def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
                 f"{option} {text}", "not of the form NAME=VALUE", f"Write it like {option} P=1.2"
             )
         if name in found:
-            raise DeclarationError(f"{option} {name}", "given twice", "Give it once")
+            raise DeclarationError(f"{option} {name}", "given twice", "Give it once only")
         found[name] = _value(value)
     return found
 

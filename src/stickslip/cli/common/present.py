@@ -37,7 +37,7 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name of the catalogue (see: stickslip list) or a .toml file.",
+        help="Name of a catalogue system (see: stickslip list) or a .toml file.",
         autocompletion=_systems,
     ),
 ]
@@ -46,8 +46,8 @@ ParameterOptions = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Parameter, or free function as a formula; a drive may be a file of samples, as in "
-        "a=base.csv; may be repeated.",
+        help="Parameter, or a formula for a free function, or a file of samples for a drive, as "
+        "in a=base.csv; may be repeated.",
     ),
 ]
 Initial = Annotated[
@@ -69,7 +69,7 @@ TimeLimit = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Wall-clock time after which it ends; what was computed is kept.",
+        help="Wall-clock limit; the results so far are kept.",
     ),
 ]
 TimeLimitOfEach = Annotated[
@@ -77,10 +77,10 @@ TimeLimitOfEach = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Processor time after which a motion is given up; the others continue.",
+        help="Processor-time limit of a motion; the others continue.",
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
+Json = Annotated[bool, typer.Option("--json", help="Print only the summary, as JSON.")]
 ShowProgress = Callable[..., None]
 
 
@@ -141,8 +141,6 @@ def present(
     ----------
     label : str
         What is done, beside the bar on a terminal.
-    folder : Path
-    files : Files
     work : callable
         Takes what shows progress, returns the result.
     json_ : bool
@@ -158,7 +156,10 @@ def present(
         except ConvergenceError as failure:
             finish(str(failure), NOT_CERTIFIED)
         if result.outcome.interrupted and sys.stderr.isatty():
-            typer.echo("ending; what was computed is written, unless Ctrl-C comes again", err=True)
+            typer.echo(
+                "stopping; writing the results so far. Press Ctrl-C again to stop without writing",
+                err=True,
+            )
         if files.data:
             result.save(place / files.data)
         for name, table in files.tables.items():
@@ -170,7 +171,7 @@ def present(
     for warning in summary.data.get("warnings", ()):
         warn(warning)
     if result.outcome.interrupted:
-        finish(f"interrupted; what was computed is in {folder}", EXIT_INTERRUPTED)
+        finish(f"interrupted; the results so far are in {folder}", EXIT_INTERRUPTED)
     raise typer.Exit(0 if summary.good else NOT_CERTIFIED)
 
 

@@ -23,17 +23,12 @@ class Draft:
 
     Attributes
     ----------
-    eq : MotionEquations
-    d : Declaration
     nq, nz, nr, na : int
         How many inertial, viscous, rate-independent coordinates and internal variables there are.
     mq, mz, mr, nc : int
         How many contacts of these coordinates, and of all.
     n : int
         Length of the state.
-    constants : ParameterExpressions
-    layout : Layout
-    tape : Tape
     solves : dict of int to list of Instruction
         Linear problems, by the stage that they follow.
     magnitudes : list of Store

@@ -160,7 +160,6 @@ class Generated:
     ----------
     layout : Layout
         With the tape, of which ``jets`` makes series.
-    constants : ParameterExpressions
     setup, sizes, residual, powers, landings, supports : list of Store
         Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
     """

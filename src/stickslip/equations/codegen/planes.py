@@ -20,7 +20,6 @@ def aimed(draft: Draft, parts: Sequence[list[Scaled]], kind: Kind) -> None:
     ----------
     parts : sequence of list of Scaled
         Terms of the velocities of contacts.
-    kind : Kind
     """
     for p, plane in enumerate(draft.eq.planes):
         if not plane.pull and draft.eq.contacts[plane.parts[0]].kind == kind:

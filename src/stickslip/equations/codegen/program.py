@@ -39,7 +39,6 @@ class Program(NamedTuple):
         Row of a term, −1 for a constant.
     term_factor : array of int
         Where its factor stands: K[i], or numbers[−1 − i]; of an entry of a matrix, its place there.
-    numbers : array
     hiding : array of int
         1 for each instruction that may hide something.
     leading : array of int, shape (1,)

@@ -47,9 +47,6 @@ def eliminated(A: Array, n: int, R: Array, fused: bool) -> bool:
 
     Parameters
     ----------
-    A : array
-    n : int
-    R : array
     fused : bool
         Whether products are not rounded before they are subtracted. The machine code of systems
         always had it so, the engine never.
@@ -137,8 +134,6 @@ def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
     A : array, shape (n + 3, ·)
         Destroyed. An entry −s² on the diagonal says that a row is that of a direction that may
         share its force with others, and does not belong to the matrix.
-    n : int
-    R : array
     fused : bool
         As of :func:`eliminated`.
 

@@ -53,14 +53,11 @@ class Arithmetic(Assembly):
 
     Parameters
     ----------
-    name : str
-    arguments : sequence of Register
     result : str
         Its type.
 
     Attributes
     ----------
-    name : str
     arguments : dict of str to Register
         By name.
     """
@@ -252,7 +249,6 @@ class Arithmetic(Assembly):
 
         Parameters
         ----------
-        kernel : Kernel
         given : numbers, registers
             For a vector its address; for a matrix also the length of its rows.
         """

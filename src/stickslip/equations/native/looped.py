@@ -148,7 +148,6 @@ class LoopedSeries(Tabled, Series):
 
         Parameters
         ----------
-        sum_of : Kernel
         a, b : int
             Rows.
         k : Register

@@ -226,21 +226,12 @@ class Series(Routine):
             Its first row.
         first, solution : int
             First rows of the right-hand side and of the solution.
-        n : int
-        k : Order
         """
         for i in range(n):
             self.put(solution + i, k, self.total(self.row_of(matrix, place + i, first, n, k)))
 
     def row_of(self, matrix: str, i: int, first: int, n: int, k: Order) -> list[Pair]:
-        """Terms of one row of the solution: row i of the inverse times n rows.
-
-        Parameters
-        ----------
-        matrix : str
-        i, first, n : int
-        k : Order
-        """
+        """Terms of one row of the solution: row i of the inverse times n rows."""
         return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in range(n)]
 
     def inverse(self, matrix: str, i: Count, j: int) -> Operand:
@@ -518,7 +509,6 @@ def _closer(
 
     Parameters
     ----------
-    s : Series
     carried : tuple of Operand
         The bracket, the whole line at the start; the modulus of the function before, if that was a
         step of Newton's, or infinity; and where the function was asked, 0 at the start.

@@ -24,12 +24,7 @@ _GIVEN = frozenset({"p", "y", "mode", "reg", "K", "Rq", "Rz"})
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InRegister(Scalar):
-    """A value that is made already.
-
-    Attributes
-    ----------
-    register : Register
-    """
+    """A value that is made already."""
 
     register: Register
 

@@ -98,7 +98,6 @@ class Tabled(Routine):
 
         Parameters
         ----------
-        repetitions : sequence of Pattern
         body : callable
             Takes the whole numbers and the reals of a repetition, each a number where it is always
             the same, and the carried values; returns their new ones.
@@ -318,7 +317,6 @@ def pattern_of_instruction(i: Instruction, slots: ParameterExpressions, clock: i
 
     Parameters
     ----------
-    i : Instruction
     slots : ParameterExpressions
         Where constants stand.
     clock : int

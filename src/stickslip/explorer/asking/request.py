@@ -58,7 +58,6 @@ class Request:
         A newer question of the same lane takes the place of an older one.
     what : str
         What is asked for.
-    setting : PageSetting
     options : mapping of str to anything
         What else belongs to the question; who answers it checks it.
     """
@@ -91,7 +90,9 @@ def read_request(text: str) -> Request:
         If it is none.
     """
     if len(text) > MOST_MESSAGE:
-        raise DeclarationError("message", f"it has {len(text):,} characters", "Send less at a time")
+        raise DeclarationError(
+            "message", f"the request has {len(text):,} characters", "Send a smaller request"
+        )
     try:
         table = json.loads(text)
         if "\\u" in text:
@@ -102,11 +103,9 @@ def read_request(text: str) -> Request:
         about = _table(said.get("setting", {}), "setting")
         serial, lane, what = said["serial"], said["lane"], said["what"]
     except (ValueError, KeyError, RecursionError):
-        raise DeclarationError(
-            "message", "it cannot be read", "Reload the page of this program"
-        ) from None
+        raise DeclarationError("message", "the request cannot be read", "Reload the page") from None
     if isinstance(serial, bool) or not isinstance(serial, int) or not 0 <= serial < 2**53:
-        raise DeclarationError("message", "its number is none", "Reload the page")
+        raise DeclarationError("message", "the request has no number", "Reload the page")
     return Request(
         serial,
         _text(lane, "lane", 40),
@@ -174,7 +173,9 @@ def real_number(value: object, where: str) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise DeclarationError(where, f"'{short(str(value))}' is not a number", "Type one like 0.5")
+        raise DeclarationError(
+            where, f"'{short(str(value))}' is not a number", "Enter a number, like 0.5"
+        )
     return number
 
 
@@ -194,19 +195,21 @@ def _setting(table: Mapping[str, Any]) -> PageSetting:
 def _entries(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     found = _table(table.get(name, {}), name)
     if len(found) > MOST_NAMES:
-        raise DeclarationError(name, f"there are {len(found)}", f"Give at most {MOST_NAMES}")
+        raise DeclarationError(name, f"{len(found)} were given", f"Give at most {MOST_NAMES}")
     return found
 
 
 def _table(value: object, where: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise DeclarationError(where, "it is not a table", "Reload the page")
+        raise DeclarationError(where, "not a table", "Reload the page")
     return value
 
 
 def _text(value: object, where: str, most: int = MOST_TEXT) -> str:
     if not isinstance(value, str):
-        raise DeclarationError(where, f"'{short(str(value))}' is no text", "Give a text")
+        raise DeclarationError(where, f"'{short(str(value))}' is not a string", "Give a string")
     if len(value) > most:
-        raise DeclarationError(where, f"it has {len(value):,} characters", f"At most {most:,}")
+        raise DeclarationError(
+            where, f"the text has {len(value):,} characters", f"Use at most {most:,}"
+        )
     return value

@@ -44,7 +44,6 @@ def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
 
     Parameters
     ----------
-    motion : Trajectory
     times : array, shape (n,)
     values : mapping of str to array, shape (n,)
         States, forces, and modes (``mode_KEY``) at these times.

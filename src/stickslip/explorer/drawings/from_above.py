@@ -40,7 +40,6 @@ def bodies_from_above(
 
     Parameters
     ----------
-    motion : Trajectory
     times : array, shape (n,)
     values : mapping of str to array, shape (n,)
     """

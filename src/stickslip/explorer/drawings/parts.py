@@ -108,14 +108,7 @@ class Scene:
 
 
 def on_ground(width: float, height: float, bottom: float, follow: Course, about: str) -> Scene:
-    """A moving picture on level ground.
-
-    Parameters
-    ----------
-    width, height, bottom : float
-    follow : Course
-    about : str
-    """
+    """A moving picture on level ground."""
     scene = Scene(width, height, bottom, follow, about)
     scene.add(ground())
     return scene
@@ -133,10 +126,6 @@ def polygon(
 
     Parameters
     ----------
-    points : sequence of (float, float)
-    at : Spot
-    turn : Course
-    look, contact : str
     smooth : bool
         Whether a curve runs through the points.
     """
@@ -157,11 +146,8 @@ def box(
 
     Parameters
     ----------
-    width, height : float
     at : Spot
         The middle of its lower side.
-    turn : Course
-    look, contact : str
     """
     w = width / 2
     corners = ((-w, 0.0), (w, 0.0), (w, height), (-w, height))
@@ -201,16 +187,7 @@ def disc(
     contact: str = "",
     spokes: int = 0,
 ) -> MovingPart:
-    """A disc, with spokes if its turning is to be seen.
-
-    Parameters
-    ----------
-    radius : float
-    at : Spot
-    turn : Course
-    look, contact : str
-    spokes : int
-    """
+    """A disc, with spokes if its turning is to be seen."""
     shape = {"kind": "disc", "radius": float(radius), "spokes": spokes}
     return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
@@ -237,12 +214,10 @@ def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str 
 
     Parameters
     ----------
-    y : float
     shift : Course
         How far it has moved to the right: a belt.
     tilt : float
         Its slope, anticlockwise.
-    contact : str
     """
     return MovingPart(
         {"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact

@@ -29,13 +29,12 @@ def structures_by_index(motion: Trajectory, times: Array) -> Scene:
 
     Parameters
     ----------
-    motion : Trajectory
     times : array, shape (n,)
     """
     system = motion.system
     parts = system.written_structures
     height = _TALL * len(parts)
-    about = f"Displacements of {system.name} over the number of the unknown"
+    about = f"Displacements of {system.name} by degree of freedom"
     scene = Scene(_WIDTH + 1.4, height, -height + _TALL / 2.0, about=about)
     for row, (name, part) in enumerate(parts.items()):
         _add_structure(scene, motion, times, name, part, -_TALL * row)
@@ -49,13 +48,8 @@ def _add_structure(
 
     Parameters
     ----------
-    scene : Scene
-    motion : Trajectory
-    times : array
     name : str
         Of the structure.
-    part : InModes
-    level : float
     """
     structure = part.structure
     rubbing = rubbing_unknowns(motion.system, name, part)

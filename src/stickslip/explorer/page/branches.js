@@ -58,7 +58,7 @@ for (const id of ["low", "high"]) explorer.$(`branch-${id}`).addEventListener("c
 explorer.branches.follow = () => {
   const over = explorer.$("branch-over").value
   const [low, high] = ["low", "high"].map((id) => explorer.typed(explorer.$(`branch-${id}`).value))
-  if (!(low < high)) return note(explorer.element("p", {class: "bad"}, "Give a range: from a number to a larger one."))
+  if (!(low < high)) return note(explorer.element("p", {class: "bad"}, "Give a range whose end exceeds its beginning."))
   explorer.branches.found = []
   explorer.branches.over = over
   explorer.branches.range = [low, high]
@@ -102,7 +102,7 @@ const say = (notes) => {
   const special = found.flatMap(({head}, b) => head.special.map((s) => explorer.element("p", {},
     explorer.element("button", {class: "quiet link", onclick: () => explorer.branches.goTo(b, s.index)}, s.kind), ` ${s.text.replace(s.kind, "")}`)))
   const about = found.map(({head, numbers}) => head.coming
-    ? explorer.element("p", {class: "busy"}, `${head.name}: ${numbers[`b:${head.over}`].length} points${document.body.classList.contains("following") ? "" : ", stopped there"}`)
+    ? explorer.element("p", {class: "busy"}, `${head.name}: ${numbers[`b:${head.over}`].length} points${document.body.classList.contains("following") ? "" : ", stopped"}`)
     : hint(`${head.name}: ${head.verdict}; ${head.message.split("\n").at(-1)}`))
   note(...special, ...about, ...notes.map(hint))
 }

@@ -107,7 +107,7 @@ explorer.valueRow = (entry, where) => {
       const by = {ArrowUp: 1, ArrowDown: -1}[event.key]
       if (by) { event.preventDefault(); setValue(entry, where, rounded(current(entry, where) + by * entry.step, entry.step), "set", event) }
     }})
-  const reset = explorer.element("button", {class: "reset", title: `Back to ${explorer.number(entry.value)}`, "aria-label": `Reset ${entry.name}`,
+  const reset = explorer.element("button", {class: "reset", title: `Reset to ${explorer.number(entry.value)}`, "aria-label": `Reset ${entry.name}`,
     onclick: (event) => setValue(entry, where, entry.value, "set", event)}, "↺")
   const row = explorer.element("div", {class: "row", "data-name": entry.name},
     explorer.element("label", {for: id, title: entry.range ? `admissible: ${entry.range}` : ""},
@@ -143,7 +143,7 @@ const functionRow = (entry, numbers) => {
       explorer.change("set", (state) => { state.values[entry.name] = text })
     }, 350)})
   box.value = entry.measured ? "measured" : explorer.state.values[entry.name] ?? entry.formula
-  const reset = explorer.element("button", {class: "reset", title: "Back to that of the model", "aria-label": `Reset ${entry.name}`,
+  const reset = explorer.element("button", {class: "reset", title: "Reset to the formula of the model", "aria-label": `Reset ${entry.name}`,
     onclick: () => explorer.change("model", (state) => { delete state.values[entry.name] })}, "↺")
   const row = explorer.element("div", {class: "row function", "data-name": entry.name},
     explorer.element("label", {for: id}, explorer.element("span", {class: "symbol", html: `${entry.symbol}(${entry.arguments})`})),
@@ -190,7 +190,7 @@ document.addEventListener("drop", async (event) => {
   document.body.classList.remove("dropping")
   const file = event.dataTransfer?.files?.[0]
   if (!file) return
-  if (file.size > 3000000) return explorer.toast("That file is too large for this page (3 MB at most).")
+  if (file.size > 3000000) return explorer.toast("The file is too large (at most 3 MB).")
   const text = await file.text()
   if (/\.toml$/i.test(file.name)) { explorer.$("toml").value = text; explorer.useToml(text) }
   else explorer.dropped?.(file.name, text)

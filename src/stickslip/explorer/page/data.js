@@ -20,7 +20,7 @@ explorer.data.read = (text) => {
 
 explorer.dropped = (name, text) => {
   const table = explorer.data.read(text)
-  if (table === null) return explorer.toast(`${name}: two columns of numbers at least are needed, with names in the first line.`)
+  if (table === null) return explorer.toast(`${name}: the file needs at least two columns of numbers, with names in the first line.`)
   explorer.data.table = table
   const at = (pattern, otherwise) => { const i = table.names.findIndex((n) => pattern.test(n)); return i < 0 ? otherwise : i }
   const options = () => table.names.map((n, i) => explorer.element("option", {value: i}, n))
@@ -78,7 +78,7 @@ explorer.data.compare = () => {
     if (head.part !== "residual") return
     explorer.data.residual = {head, numbers}
     const n = explorer.number
-    explorer.data.say([`Root mean square of what is left: ${n(head.root, 4)}, at most ${n(head.largest, 4)}` + (head.explained === null ? "" : `; ${n(100 * head.explained, 4)} % explained`) + `. ${head.used} of ${head.of} points are in the time of the motion.`])
+    explorer.data.say([`Root mean square of the residuals: ${n(head.root, 4)}, at most ${n(head.largest, 4)}` + (head.explained === null ? "" : `; ${n(100 * head.explained, 4)} % explained`) + `. ${head.used} of ${head.of} points are within the time of the motion.`])
     explorer.data.draw()
   })
 }
@@ -92,7 +92,7 @@ explorer.data.draw = () => {
     const {t, residual} = found.numbers
     const {plain, units, time_unit} = explorer.motion?.head ?? {plain: {}, units: {}}
     const name = explorer.$("data-quantity").value
-    explorer.$("data-caption").textContent = `what is left of ${plain[name] ?? name} [${units[name] || "1"}] over t [${time_unit || "1"}]`
+    explorer.$("data-caption").textContent = `residuals of ${plain[name] ?? name} [${units[name] || "1"}] over t [${time_unit || "1"}]`
     const reach = 1.1 * found.head.largest || 1
     for (let i = 0; i < t.length; i++) { data.x.push(t[i]); data.y.push(residual[i]); data.color.push(explorer.colour(1)) }
     const plot = explorer.model("data")
@@ -116,7 +116,7 @@ explorer.drawData = (name, group) => {
 
 explorer.$("data-go").addEventListener("click", () => {
   const free = [...explorer.$("data-free").querySelectorAll("[aria-pressed=true]")].map((b) => b.dataset.name)
-  if (free.length === 0) return explorer.toast("Choose the parameters that may change.")
+  if (free.length === 0) return explorer.toast("Choose the parameters to fit.")
   const points = explorer.data.points()
   explorer.data.say(["Fitting"])
   explorer.ask("fit", "data", {...points, quantity: explorer.$("data-quantity").value, free}, (head) => {

@@ -68,7 +68,7 @@ explorer.evolution.draw = () => {
   explorer.$("friction-second").hidden = !second
   document.querySelector(".friction .figure").classList.toggle("void", sets === null)
   if (refused) say([explorer.element("p", {class: "bad"}, `${refused.where ? `${refused.where}: ` : ""}${refused.reason}. ${refused.remedy}`)])
-  else if (sets === null) say([explorer.element("p", {class: "busy"}, "Reading the evolution")])
+  else if (sets === null) say([explorer.element("p", {class: "busy"}, "Loading the evolution")])
   if (sets !== null) {
     const chosen = offer(sets.head)
     explorer.$("friction-caption").textContent = chosen === LIMIT ? `${sets.head.names.join(", ")} over t` : "force over the phase s"
@@ -89,7 +89,7 @@ const say = (parts) => explorer.$("friction-said").replaceChildren(...parts)
 
 const offer = (head) => {
   const select = explorer.$("friction-contact")
-  const choices = [...(head.moves ? [[LIMIT, "the motion and its limit"]] : []), ...head.names.map((name, i) => [String(i), `what ${name} costs`])]
+  const choices = [...(head.moves ? [[LIMIT, "the motion and its limit"]] : []), ...head.names.map((name, i) => [String(i), `cost of ${name}`])]
   const key = `evolution ${choices.join("|")}`
   if (select.dataset.names !== key) {
     select.dataset.names = key
@@ -167,8 +167,8 @@ const words = (sets, averaged, resolved, chosen) => {
     else found.push(explorer.element("p", {class: part.head.reason ? "bad" : "hint"}, part.head.reason ?? `${name}: ${part.head.outcome}, ${part.head.verdict}`))
   }
   const far = distance(averaged, resolved, head.names.length)
-  if (far !== null) found.push(explorer.element("p", {}, `Largest distance of the motion from that of the average: ${n(far, 3)}.`))
-  found.push(explorer.element("p", {class: "hint"}, chosen === LIMIT ? "Full lines: friction that oscillates. Dashed: its average." : "Green: what all phases have in common. Line: the force that friction holds, over the phase."))
+  if (far !== null) found.push(explorer.element("p", {}, `Largest distance between the motion and its averaged limit: ${n(far, 3)}.`))
+  found.push(explorer.element("p", {class: "hint"}, chosen === LIMIT ? "Solid lines: oscillating friction. Dashed lines: averaged friction." : "Green: intersection over all phases. Line: the friction force over the phase."))
   return found
 }
 const escapeText = (text) => text.replace(/[&<>]/g, (c) => ({"&": "&amp;", "<": "&lt;", ">": "&gt;"})[c])

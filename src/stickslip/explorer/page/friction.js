@@ -14,7 +14,7 @@ explorer.friction.soon = explorer.debounced(() => {
 
 explorer.friction.look = () => {
   explorer.friction.asked = true
-  explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "busy"}, "Looking at one period of what it settles on"))
+  explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "busy"}, "Computing one period of the settled motion"))
   explorer.ask("friction", "friction", {}, (head, numbers) => {
     if (head.refused) { explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "hint"}, head.refused.reason)); explorer.friction.found = null; explorer.friction.draw(); return }
     if (head.part === "friction") { explorer.friction.found = {head, numbers}; explorer.friction.draw() }
@@ -102,10 +102,10 @@ const sayFriction = (head, shown) => {
   const unit = shown.unit
   const equal = Math.abs(shown.plus - shown.minus) < 1e-9 * (shown.plus + shown.minus)
   explorer.$("friction-said").replaceChildren(
-    explorer.element("p", {}, head.period === null ? "The motion does not repeat; this is its second half." : `One period, ${n(head.period)} ${head.time_unit}, of what the motion settles on.`),
+    explorer.element("p", {}, head.period === null ? "The motion is not periodic; its second half is shown." : `One period, ${n(head.period)} ${head.time_unit}, of the settled motion.`),
     explorer.element("p", {html: equal
       ? `<i>Ψ</i><sub>av</sub>(<i>v</i>) = ${n(shown.plus)} ${unit} · |<i>v</i>|, while the mean threshold is ${n(shown.mean)} ${unit}.`
       : `<i>Ψ</i><sub>av</sub>(<i>v</i>) = ${n(shown.plus)} ${unit} · <i>v</i> forwards, ${n(shown.minus)} ${unit} · |<i>v</i>| backwards, while the mean threshold is ${n(shown.mean)} ${unit}.`}),
-    explorer.element("p", {}, `Least at t = ${n(shown.plus_at, 4)} ${head.time_unit} (forwards) and ${n(shown.minus_at, 4)} ${head.time_unit} (backwards): at these phases it moves, if friction oscillates fast. Here it slips ${n(100 * shown.slips, 3)} % of the time.`),
-    explorer.element("p", {class: "hint"}, `Green: the forces that hold at every phase, as sampled at ${head.samples} times. Line: the force that the contact holds against. Edges: its thresholds.`))
+    explorer.element("p", {}, `Minimum at t = ${n(shown.plus_at, 4)} ${head.time_unit} (forwards) and ${n(shown.minus_at, 4)} ${head.time_unit} (backwards): with fast oscillations it moves at these phases. In this motion it slips ${n(100 * shown.slips, 3)} % of the time.`),
+    explorer.element("p", {class: "hint"}, `Green: forces that are stable at every phase, sampled at ${head.samples} times. Line: the force on the contact. Edges: the thresholds.`))
 }

@@ -54,11 +54,11 @@ explorer.$("map-measure").addEventListener("change", () => explorer.change("view
 
 explorer.map.fill = () => {
   const options = {measure: explorer.$("map-measure").value}
-  if (options.measure === "") return explorer.toast("What can be measured is not known yet. One moment.")
+  if (options.measure === "") return explorer.toast("The list of measures is still loading.")
   for (const axis of ["x", "y"]) {
     options[axis] = explorer.$(`map-${axis}`).value
     for (const end of ["low", "high"]) options[`${axis}_${end}`] = explorer.typed(explorer.$(`map-${axis}_${end}`).value)
-    if (!(options[`${axis}_low`] < options[`${axis}_high`])) return explorer.toast("Give ranges: from a number to a larger one.")
+    if (!(options[`${axis}_low`] < options[`${axis}_high`])) return explorer.toast("Give ranges whose ends exceed their beginnings.")
   }
   explorer.map.found = null
   explorer.map.draw()
@@ -122,7 +122,7 @@ explorer.map.draw = () => {
   explorer.$("map-said").replaceChildren(
     explorer.element("p", {}, `${head.meaning} over ${head.x} (across) and ${head.y} (up), ${n} × ${n} points: ${outcomes}`),
     explorer.element("p", {class: "hint"}, head.verdict),
-    explorer.element("p", {}, explorer.element("button", {class: "quiet link", onclick: () => explorer.copy(head.command, "the command")}, "go on with a command"), explorer.element("code", {}, head.command)))
+    explorer.element("p", {}, explorer.element("button", {class: "quiet link", onclick: () => explorer.copy(head.command, "the command")}, "continue on the command line"), explorer.element("code", {}, head.command)))
   requestAnimationFrame(() => explorer.guard(explorer.map.place))
 }
 

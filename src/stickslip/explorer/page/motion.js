@@ -231,7 +231,7 @@ explorer.showPending = (head) => {
 
 // No machine code came with the package for this processor.
 explorer.showCompiling = () => {
-  if (explorer.motion !== null) return explorer.toast("Compiling for this machine, once: some seconds.")
+  if (explorer.motion !== null) return explorer.toast("Compiling for this machine. This happens once and takes a few seconds.")
   document.body.classList.add("loading", "compiling", "still")
   explorer.$("verdict").dataset.state = "busy"
   explorer.$("verdict-text").textContent = "compiling"

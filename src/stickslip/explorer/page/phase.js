@@ -152,7 +152,7 @@ explorer.phase.outdated = () => { explorer.phase.settled = null }
 explorer.phase.wantsLongRun = () => explorer.state.view.settle === "1"
 explorer.phase.settle = () => {
   if (!explorer.phase.wantsLongRun() || !explorer.seen("phase")) return
-  explorer.$("phase-said").replaceChildren(explorer.element("span", {class: "busy"}, "Looking for equilibria and a cycle"))
+  explorer.$("phase-said").replaceChildren(explorer.element("span", {class: "busy"}, "Computing equilibria and a cycle"))
   explorer.ask("plane", "plane", {}, (head, numbers) => {
     if (head.refused) { explorer.$("phase-said").textContent = head.refused.reason; return }
     if (head.part === "plane") {
@@ -246,7 +246,7 @@ explorer.phase.watch = () => explorer.clicked("phase", (sx, sy, {box, plot: {x_r
   const pixels = [(x_range.end - x_range.start) / box.width, (y_range.end - y_range.start) / box.height]
   const [across, up] = explorer.phase.axes()
   const {states} = explorer.motion.head
-  if (!states.includes(across) && !states.includes(up)) return explorer.toast("A motion starts in the state: choose coordinates or rates as axes.")
+  if (!states.includes(across) && !states.includes(up)) return explorer.toast("To set the start by a click, choose coordinates or rates as axes.")
   explorer.change("set", (state) => {
     [across, up].forEach((name, i) => {
       if (!states.includes(name)) return

@@ -24,7 +24,7 @@ explorer.$("link").addEventListener("click", async () => {
     hash = explorer.address.write({...state, model: "own", toml: described.toml})
   }
   explorer.shared = `${location.href.split("#")[0]}#${hash}`
-  explorer.copy(explorer.shared, "the address; anybody opens it with: stickslip explore 'ADDRESS'")
+  explorer.copy(explorer.shared, "the address; open it with: stickslip explore 'ADDRESS'")
 })
 
 const exports = explorer.$("exports")
@@ -43,7 +43,7 @@ for (const item of exports.querySelectorAll("[data-copy], [data-save]")) {
   item.addEventListener("click", () => {
     open(false)
     const form = item.dataset.copy ?? item.dataset.save
-    if (item.dataset.save) explorer.toast("Writing the file")
+    if (item.dataset.save) explorer.toast("Saving the file")
     explorer.ask("export", "export", {form}, (head, numbers) => {
       if (head.refused) return explorer.toast(head.refused.reason)
       if (head.text) { explorer.taken = head; explorer.copy(head.text, item.textContent) }

@@ -51,7 +51,7 @@ explorer.heard = () => {
   const [text, bytes] = explorer.wire.said
   for (const head of JSON.parse(text)) explorer.guard(() => {
     const own = explorer.lanes.get(head.lane)
-    if (head.lost) explorer.toast("A computation ended, and a new worker has taken over.")
+    if (head.lost) explorer.toast("A worker process ended; a new one was started.")
     if (own === undefined || head.serial !== own.serial) return  // stale
     if (head.compiling) return explorer.showCompiling()
     const numbers = {}

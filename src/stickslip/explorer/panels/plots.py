@@ -34,12 +34,7 @@ _LEFT = 58  # pixels beside every figure, so that those below each other agree
 
 
 class Panel:
-    """The models of a panel, by the names under which the page finds them.
-
-    Attributes
-    ----------
-    models : dict of str to Model
-    """
+    """The models of a panel, by the names under which the page finds them."""
 
     def __init__(self) -> None:
         self.models: dict[str, Model] = {}
@@ -56,7 +51,6 @@ class Panel:
 
         Parameters
         ----------
-        name : str
         x_range : Range1d, optional
             One that it shares with others.
         zooms : str
@@ -123,12 +117,8 @@ class Panel:
 
         Parameters
         ----------
-        plot : Plot
         name : str
             Of the columns, for the page.
-        columns : sequence of str
-        glyph : Glyph
-        level : str
         """
         source = ColumnDataSource({column: [] for column in columns})
         plot.renderers.append(

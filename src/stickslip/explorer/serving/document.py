@@ -45,7 +45,6 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
 
     Parameters
     ----------
-    pool : WorkerPool
     given : str
         The text of a model file, if the explorer was opened with one.
     """

@@ -32,7 +32,7 @@ from stickslip.explorer.serving.wire import WIRE
 
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 _ROUTES = re.compile(r"(/|/ws|/static/js/bokeh[a-z-]*\.min\.js|/favicon\.ico)\Z")
-_FULL = "Too many pages are open. Close some of them, and reload this one."
+_FULL = "Too many pages are open. Close some of them and reload this one."
 # characters of a message: a question, quoted, and what stands around it
 _MOST_RECEIVED = 2 * MOST_MESSAGE + 10_000
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
@@ -60,26 +60,28 @@ class Doors:
 
         Parameters
         ----------
-        request : HTTPServerRequest
         room : bool
             Whether one more page may be opened.
         """
         if host_of(f"//{request.host}") not in self.names:
-            return 403, "This name is not on the list of those under which the explorer is asked."
+            return 403, (
+                "The explorer does not accept requests under this host name. Add it with "
+                "--allow-host."
+            )
         origin = request.headers.get("Origin")
         upgrade = request.headers.get("Upgrade", "").lower() == "websocket"
         if (origin is not None and host_of(origin) not in self.names) or (upgrade and not origin):
-            return 403, "Another page may not ask this one."
+            return 403, "Requests from other pages are not allowed."
         _, token, rest = (*request.path.split("/", 2), "", "")[:3]
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return 404, (
-                "This address is not valid, or no longer. Open the one that the program has "
-                "printed last; what stands behind # can be put behind that."
+                "This address is not valid or has expired. Open the address that the program "
+                "printed last; the part after # can be appended to it."
             )
         if not _ROUTES.match(f"/{rest}"):
-            return 404, "There is nothing here."
+            return 404, "Page not found."
         if request.method != "GET":
-            return 405, "There is nothing to be sent here."
+            return 405, "Only GET requests are allowed."
         if rest == "" and not room:
             return 503, _FULL
         return None
@@ -107,12 +109,12 @@ class Refused(RequestHandler):
     def prepare(self) -> None:
         """Say it, whatever was asked for."""
         self.set_status(self.status)
-        title = "Not here" if self.status == 404 else "Not possible"
+        title = "Not found" if self.status == 404 else "Request refused"
         self.finish(_PAGE.format(title=title, reason=self.reason))
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """Say no more than the number."""
-        self.finish(_PAGE.format(title="Not possible", reason=str(status_code)))
+        self.finish(_PAGE.format(title="Request refused", reason=str(status_code)))
 
 
 class Prompt(WSHandler):
@@ -161,7 +163,7 @@ class Prompt(WSHandler):
             if not message.content["events"]:
                 return connection.ok(message)  # as of ranges, which the server need not know
         elif message.msgtype not in ("PULL-DOC-REQ", "SERVER-INFO-REQ"):
-            return connection.error(message, "A page may ask questions, and nothing else.")
+            return connection.error(message, "This kind of message is not supported.")
         reply = await super()._handle(message)
         if reply is not None and reply.msgtype == "ERROR":
             return connection.error(message, "This message cannot be read.")
@@ -169,7 +171,7 @@ class Prompt(WSHandler):
 
     def _internal_error(self, message: str) -> None:
         """End the connection; why it failed is nothing for the page."""
-        self.close(4001, "This message cannot be answered.")
+        self.close(4001, "This message cannot be processed.")
 
     def _protocol_error(self, message: str) -> None:
         """End the connection."""
@@ -183,7 +185,6 @@ def questions_in(content: Any, document: Document) -> list[dict[str, Any]]:
     ----------
     content : object
         Of a message, as it came.
-    document : Document
     """
     wire = document.get_model_by_name(WIRE)
     assert wire is not None
@@ -256,17 +257,16 @@ class Guarded(BokehTornado):
         ----------
         session : str
             Name of the session of the page.
-        connection : WSHandler
         """
         other = self._connected.get(session)
         if other is not None and other.ws_connection is not None:
-            return "This page is open elsewhere. Reload it."
+            return "This page is open elsewhere. Reload it to use it here."
         now = time.monotonic()
         valid = self.session_token_expiration
         self._entered = {x: t for x, t in self._entered.items() if now - t < valid}
         if session not in self._sessions():
             if session in self._entered:
-                return "This page was left. Reload it."
+                return "This page was closed. Reload it."
             if not self.has_room:
                 return _FULL
         self._entered[session] = now

@@ -164,7 +164,9 @@ class WorkerPool:
         self._waiting.pop(job.lane, None)
         others = [x for x in self._waiting.values() if x.page == job.page]
         if len(others) >= MOST_LANES or sum(x.size for x in others) + job.size > MOST_MESSAGE:
-            job.reply(refusal(StickslipError("this page asks for too much at a time")), True)
+            job.reply(
+                refusal(StickslipError("too many requests of this page at the same time")), True
+            )
             return
         self._waiting[job.lane] = job
         for worker in self.workers:
@@ -273,8 +275,8 @@ class WorkerPool:
         if job is None or worker.given_up:
             return
         took_long = worker.overdue(time.monotonic())
-        reason = "it took too long" if took_long else "its worker ended"
-        error = StickslipError(f"{reason}; another worker has taken its place")
+        reason = "the computation took too long" if took_long else "the worker process ended"
+        error = StickslipError(f"{reason}; a new worker was started")
         answer = refusal(error)
         job.reply(Answer({**answer.head, "lost": True}), False)
         job.reply(None, True)

@@ -38,7 +38,6 @@ class Listening:
 
     Attributes
     ----------
-    host : str
     port : int
         0: one that is free.
     names : tuple of str
@@ -80,8 +79,8 @@ class Listening:
         else:
             raise DeclarationError(
                 "--port" if self.port else "--host",
-                f"{self.host}:{wanted[-1]} cannot be listened at ({reason})",
-                "Choose another one, or leave it out",
+                f"cannot listen on {self.host}:{wanted[-1]} ({reason})",
+                "Choose another port, or omit it",
             )
         self.token = secrets.token_urlsafe(16)
 
@@ -104,12 +103,7 @@ class Listening:
 
 
 class Explorer:
-    """A running explorer; in a notebook it shows the page.
-
-    Attributes
-    ----------
-    address : str
-    """
+    """A running explorer; in a notebook it shows the page."""
 
     def __init__(self, place: Listening) -> None:
         self.address = place.address

@@ -28,8 +28,6 @@ class Session:
     ----------
     document : Document
         Bokeh's, which is the same in the page.
-    wire : Wire
-    pool : WorkerPool
     given : str
         The text of the model that the explorer was opened with.
     """

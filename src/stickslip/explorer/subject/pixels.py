@@ -26,7 +26,6 @@ def seen_times(
 
     Parameters
     ----------
-    motion : Trajectory
     names : sequence of str
         Quantities that are drawn.
     window : (float, float), optional

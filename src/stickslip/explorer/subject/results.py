@@ -45,7 +45,6 @@ def curves_of(result: Result, name: str) -> Answer:
 
     Parameters
     ----------
-    result : Result
     name : str
         What it is called on the page.
     """

@@ -33,7 +33,9 @@ def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
     formulas = {n: v for n, v in setting.values.items() if n not in system.parameters}
     for name, value in numbers.items():
         if isinstance(value, str):
-            raise DeclarationError(name, f"'{short(value)}' is not a number", "Type one like 0.5")
+            raise DeclarationError(
+                name, f"'{short(value)}' is not a number", "Enter a number, like 0.5"
+            )
     if formulas:
         system = _configured(setting.model, setting.toml, tuple(sorted(formulas.items())))
     return system, {name: float(value) for name, value in numbers.items()}
@@ -124,6 +126,6 @@ def check_no_files(toml: str) -> None:
             if isinstance(entry, dict) and any(isinstance(entry.get(key), str) for key in keys):
                 raise DeclarationError(
                     f"{section}.{name}",
-                    "a model from the page reads no files",
-                    "Name it when you open the explorer: stickslip explore mine.toml",
+                    "a model entered in the page cannot read files",
+                    "Open the explorer with the model file: stickslip explore mine.toml",
                 )

@@ -47,7 +47,6 @@ class _Coming:
     ----------
     name, over : str
         Of the branch, and of its parameter.
-    patience : Patience
     """
 
     def __init__(self, name: str, over: str, patience: Patience) -> None:

@@ -34,11 +34,13 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
     if not inside.any():
         raise DeclarationError(
             "data",
-            "no time of theirs is in the motion",
-            "Choose the column of times, or a longer motion",
+            "none of the times is in the motion",
+            "Choose the column of times, or extend the motion",
         )
     if name not in {*motion.final, *motion._rows, *motion.system.outputs}:
-        raise DeclarationError("data", f"the motion has no '{name}'", "Choose a quantity of it")
+        raise DeclarationError(
+            "data", f"unknown quantity '{name}'", "Choose a quantity of the motion"
+        )
     expected = motion.at(times[inside])[name]
     residual = values[inside] - expected
     spread = float(np.sqrt(np.mean((values[inside] - values[inside].mean()) ** 2)))
@@ -62,9 +64,11 @@ def _fitted(
     system, numbers = system_of(request.setting)
     free = request.options.get("free")
     if not (isinstance(free, list) and all(isinstance(x, str) for x in free)):
-        raise DeclarationError("free", "these are no names", "Choose parameters")
+        raise DeclarationError("free", "these are not names", "Choose parameters")
     if len(free) > _MOST_FREE:
-        raise DeclarationError("free", f"{len(free)} are too many", f"Choose at most {_MOST_FREE}")
+        raise DeclarationError(
+            "free", f"{len(free)} parameters are too many", f"Choose at most {_MOST_FREE}"
+        )
     found = fit(
         system,
         {"t": times, name: values},
@@ -87,19 +91,19 @@ def _given(request: Request) -> tuple[Array, Array, str]:
         column = request.options.get(key)
         if not isinstance(column, list) or len(column) > _MOST:
             raise DeclarationError(
-                "data", f"its {key} are no list of at most {_MOST:,}", "Drop a CSV file"
+                "data", f"the {key} are not a list of at most {_MOST:,} entries", "Drop a CSV file"
             )
         try:
             columns.append(np.array(column, float))
         except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
-                "data", f"its {key} are not all numbers", "Choose other columns"
+                "data", f"the {key} are not all numbers", "Choose other columns"
             ) from None
     times, values = columns
     good = (
         np.isfinite(times) & np.isfinite(values) if len(times) == len(values) else np.zeros(0, bool)
     )
     if not good.any():
-        raise DeclarationError("data", "there are no numbers in it", "Choose other columns")
+        raise DeclarationError("data", "the columns have no numbers", "Choose other columns")
     order = np.argsort(times[good], kind="stable")
     return times[good][order], values[good][order], request.text("quantity")

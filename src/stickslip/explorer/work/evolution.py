@@ -50,8 +50,8 @@ def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
     model = _configured(request)
     n = model.potential.dimension
     if n > _LARGEST:
-        reason = f"it has {n} components, a page computes at most {_LARGEST}"
-        raise DeclarationError("dissipation", reason, "Use: stickslip evolve FILE")
+        reason = f"it has {n} components; the explorer computes at most {_LARGEST}"
+        raise DeclarationError("dissipation", reason, "Use the command line: stickslip evolve FILE")
     names = [f"z_{i + 1}" if n > 1 else "z" for i in range(min(n, _SHOWN))]
     head = {
         "title": model.title or model.name,
@@ -78,7 +78,7 @@ def _configured(request: Request) -> EvolutionModel:
     """The model of a page, with the numbers that it has set."""
     given = request.options.get("values", {})
     if not isinstance(given, dict):
-        raise DeclarationError("values", "they are no table", "Reload the page")
+        raise DeclarationError("values", "not a table", "Reload the page")
     numbers = {str(name): real_number(value, str(name)) for name, value in given.items()}
     return _declared(request.text("toml")).configure(numbers)
 

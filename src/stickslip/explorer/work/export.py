@@ -39,13 +39,14 @@ def exported_page(request: Request, patience: Patience) -> Iterator[Answer]:
         return
     if form not in FILES:
         raise DeclarationError(
-            "form", f"there is no '{form}'", f"Use {', '.join([*TEXTS, *FILES])}"
+            "form", f"unknown format '{form}'", f"Use {', '.join([*TEXTS, *FILES])}"
         )
     motion = shown_motion(request.setting, patience)
     data = FILES[form](motion)
     if len(data) > MOST_EXPORT:
         raise StickslipError(
-            f"the file has {len(data) / 1e6:.0f} MB, too many for a page; copy the command instead"
+            f"the file has {len(data) / 1e6:.0f} MB, which is too large for the page; copy the "
+            "command instead"
         )
     name = _file(motion.system.name, form)
     yield Answer({"file": name, "type": _TYPES[form]}, {"bytes": np.frombuffer(data, np.uint8)})

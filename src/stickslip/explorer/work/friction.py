@@ -48,7 +48,7 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
         if contact_key(name) in modes
     ]
     if not shown:
-        raise DeclarationError("", "no contact of this system is dry", "Choose another system")
+        raise DeclarationError("", "this system has no dry contacts", "Choose another system")
     knots = motion.knots.time
     start = knots[0] if about["period"] else (knots[0] + knots[-1]) / 2.0
     times = np.union1d(np.linspace(start, knots[-1], _SAMPLES), knots[knots >= start])

@@ -125,7 +125,7 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
     """The parts of an answer, or what is wrong with the question; never an exception."""
     try:
         if request.what not in TASKS:
-            yield Answer({"refused": {"where": "", "reason": "nobody answers that", "remedy": ""}})
+            yield Answer({"refused": {"where": "", "reason": "unknown request", "remedy": ""}})
             return
         module, _, name = TASKS[request.what].partition(":")
         work: Answerer = getattr(import_module(f"{_ROOM}.{module}"), name)
@@ -137,13 +137,13 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
     except StickslipError as error:
         yield refusal(error)
     except MemoryError:
-        yield refusal(StickslipError("this takes more memory than a page may have"))
+        yield refusal(StickslipError("the computation needs too much memory"))
     except RecursionError:
         yield refusal(StickslipError("a formula is nested too deeply"))
     except Exception as error:
         print(repr(error), file=sys.stderr)
         yield refusal(
-            StickslipError(f"a mistake of ours, please report it ({type(error).__name__}: {error})")
+            StickslipError(f"internal error; please report it ({type(error).__name__}: {error})")
         )
 
 

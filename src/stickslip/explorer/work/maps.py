@@ -42,12 +42,12 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         for k in "xy"
     ]
     if axes[0][0] == axes[1][0]:
-        raise DeclarationError("map", "both axes are the same", "Choose two parameters")
+        raise DeclarationError("map", "the two axes are the same", "Choose two parameters")
     measure = request.text("measure", "amplitude")
     # Nothing but a name: what else the library reads here may be a file of Python.
     if measure not in (known := offered_measures(own)):
         raise DeclarationError(
-            "measure", f"there is no measure '{short(measure)}'", f"Known: {', '.join(known)}"
+            "measure", f"unknown measure '{short(measure)}'", f"Known: {', '.join(known)}"
         )
     for count in _ROUNDS:
         over = {name: f"{low!r}:{high!r}:{count}" for name, low, high in axes}

@@ -47,10 +47,14 @@ def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
         return None
     first, last = float(motion.knots.time[0]), float(motion.knots.time[-1])
     if not (isinstance(given, list) and len(given) == 2):
-        raise DeclarationError("window", "it is none", "Zoom into the motion")
+        raise DeclarationError("window", "not a time window", "Zoom to a part of the motion")
     low, high = (min(max(float(end), first), last) for end in given)
     if not low < high:
-        raise DeclarationError("window", "nothing of the motion is in it", "Zoom into the motion")
+        raise DeclarationError(
+            "window",
+            "the window does not contain any part of the motion",
+            "Zoom to a part of the motion",
+        )
     return low, high
 
 

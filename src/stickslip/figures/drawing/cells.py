@@ -12,7 +12,17 @@ from matplotlib.path import Path
 
 from stickslip.arrays import Array
 from stickslip.figures.drawing.maps import uncertified
-from stickslip.figures.drawing.style import STICK_LINE, root_of
+from stickslip.figures.drawing.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    STICK_LINE,
+    STICK_SHADE,
+    VERMILION,
+    root_of,
+)
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import NOT_COMPUTED
@@ -22,7 +32,11 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.request.scales import ColourScale
 
-COLOURS: Mapping[str, str] = {"one way": "viridis", "both ways": "RdYlBu_r", "round": "twilight"}
+COLOURS: Mapping[str, str] = {
+    "one way": "viridis",
+    "both ways": "RdYlBu_r",
+    "round": "twilight",
+}
 """Colour maps by the kind of scale. Colour-blind readers can tell them apart, and none has the
 white of what is not computed."""
 
@@ -32,6 +46,17 @@ HATCHES: Mapping[Outcome, str] = {
     Outcome.NOT_SETTLED: "\\",
 }
 """Hatching of motions that have not settled, by why."""
+
+REGIMES: Mapping[Outcome, str] = {
+    Outcome.PERIODIC: BLUE,
+    Outcome.STEADY: GREEN,
+    Outcome.AT_REST: STICK_SHADE,
+    Outcome.IRREGULAR: VERMILION,
+    Outcome.SLOW: ORANGE,
+    Outcome.NOT_SETTLED: PURPLE,
+    Outcome.FINISHED: SKY,
+}
+"""Colours of the outcomes that most maps have; others have the colours that are left, and greys."""
 
 UNCERTAIN = "/"
 """Hatching of whatever else is shown without a certificate."""
@@ -62,10 +87,8 @@ def fill_cells(
 
     Parameters
     ----------
-    axes : Axes
     edges : pair of arrays, shapes (m + 1,) and (n + 1,)
     values : array, shape (m, n)
-    scale : ColourScale
     **more
         For matplotlib's ``pcolormesh``, whose result is returned.
     """
@@ -78,7 +101,6 @@ def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str
 
     Parameters
     ----------
-    axes : Axes
     edges : pair of arrays, shapes (m + 1,) and (n + 1,)
     where : array of bool, shape (m, n)
         Which cells.
@@ -106,7 +128,7 @@ def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str
         axes.add_patch(patch)
 
 
-def hatched_patch(hatch: str, label: str, colour: str = "none") -> Patch:
+def hatched_patch(hatch: str, label: str, colour: str | tuple[str, float] = "none") -> Patch:
     """What stands in a legend for hatched cells."""
     patch = Patch(fc=colour, ec=STICK_LINE, lw=0.6, hatch=4 * hatch, label=label)
     _set_width(patch, _THIN)

@@ -30,7 +30,9 @@ def chosen_measures(data: xarray.Dataset, measures: Sequence[str] | None) -> lis
     for name in measures or []:
         if name not in known:
             raise DeclarationError(
-                "measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}"
+                "measure",
+                f"the map has no measure '{short(name)}'",
+                f"Choose from {', '.join(known)}",
             )
     return list(measures) if measures else known[:-1]
 
@@ -74,7 +76,8 @@ def measure_label(data: xarray.Dataset, name: str, width: int = 60) -> str:
     meaning = str(data[name].attrs.get("long_name", name))
     unit = unit_label(axis_unit(data, name))
     text = f"{meaning}  [{unit}]" if unit else meaning
-    if len(meaning) <= width:
+    shown = f"{meaning}  [{axis_unit(data, name)}]" if unit else meaning
+    if len(shown) <= width:
         return text
     words = text.split(" ")
     return " ".join(words[: len(words) // 2]) + "\n" + " ".join(words[len(words) // 2 :])

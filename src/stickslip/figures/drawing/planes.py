@@ -48,7 +48,6 @@ class InPlane:
 
     Attributes
     ----------
-    trajectory : Trajectory
     name : str
         As declared.
     """
@@ -255,7 +254,6 @@ class PlaneCurves:
 
     Parameters
     ----------
-    planes : sequence of InPlane
     sampled : SampledMotion
         Where the motion is looked at.
     whole : bool
@@ -289,7 +287,6 @@ class PlaneCurves:
         ----------
         steps : array of int
             The step that each belongs to.
-        values : mapping of str to array
         modes : mapping of str to array
             Of the contacts on the steps.
         """

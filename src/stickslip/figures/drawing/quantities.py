@@ -43,7 +43,6 @@ def plot_quantities(
 
     Parameters
     ----------
-    data : xarray.Dataset
     names : sequence of str
         Variables over the dimension; what has a second one is drawn as several lines.
     along : str
@@ -59,7 +58,9 @@ def plot_quantities(
     for name in names:
         if name not in known:
             raise DeclarationError(
-                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+                "quantities",
+                f"unknown quantity '{short(str(name))}'",
+                f"Choose from {', '.join(known)}",
             )
     if ax is not None:
         colours = line_colours(len(names))

@@ -41,7 +41,9 @@ def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
         # A module that is run again brings its functions again.
         if name in own and own[name].__module__ != function.__module__:
             raise DeclarationError(
-                f"figure '{name}'", f"{own[name].__module__} has it already", "Choose another name"
+                f"figure '{name}'",
+                f"already registered by {own[name].__module__}",
+                "Choose another name",
             )
         own[name] = function
         return function

@@ -34,11 +34,11 @@ def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[floa
     try:
         low, high = map(float, t)
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError("t", f"{t!r} is no window of the time", "Give (low, high)") from None
+        raise DeclarationError("t", f"{t!r} is not a time window", "Give (low, high)") from None
     if not first <= low < high <= last:
         raise DeclarationError(
             "t",
-            f"({low:g}, {high:g}) is no window of the computed span",
+            f"({low:g}, {high:g}) is not a part of the computed time span",
             f"Give {first:g} <= low < high <= {last:g}",
         )
     return low, high

@@ -221,7 +221,7 @@ def new_figure(width: float, height: float) -> Figure:
 def root_of(axes: Axes) -> Figure:
     """The figure that axes belong to, also where they are in a part of it."""
     figure = axes.get_figure(root=True)
-    assert figure is not None, "axes that were removed from their figure"
+    assert figure is not None, "the axes were removed from their figure"
     return figure
 
 

@@ -1,4 +1,4 @@
-"""A friction law fitted to points of force over speed.
+"""A friction law fitted to measured points of force over speed.
 
 The points become a record: a surface that is given moves under the law through all measured speeds,
 one after the other, and the force of the law is compared with the measured ones at these times. So
@@ -35,22 +35,22 @@ if TYPE_CHECKING:
 
 _CONTACT = "law"
 _FORCE = "F"  # the column of the forces
-_RESTING = "Leave it out, or fix F_s by parameters={'F_s': ...}"
+_RESTING = "Remove the point, or fix F_s by parameters={'F_s': ...}"
 _EASILY = 0.25  # of the speeds, the share below which friction falls where a search begins
 _HELD = 1.05  # of the largest force, what is held at rest where a search begins
 _VISCOUS = 0.1  # of it, what the largest speed adds
 
 
 class LawFit(Fit):
-    """A friction law fitted to points of force over speed.
+    """A friction law fitted to measured points of force over speed.
 
-    Everything that a :class:`Fit` has, and:
+    It has all attributes of a :class:`Fit`, and:
 
     Attributes
     ----------
     law : FrictionLaw
     speeds, forces : array, shape (m,)
-        The points, in the order of their speeds.
+        The points, sorted by speed.
     """
 
     KIND: ClassVar[str] = "law fit"
@@ -74,7 +74,7 @@ class LawFit(Fit):
     def contact(
         self, direction: str, *, surface_speed: Formula = 0.0, unit: str = "N"
     ) -> LawContact:
-        """The law with the estimates, to be put where a contact stands.
+        """The law with the estimated parameters, for use as a contact.
 
         Parameters
         ----------
@@ -116,29 +116,29 @@ def fit_law(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> LawFit:
-    """Fit a friction law to points of force over speed, of one sign or of both, by least squares.
+    """Fit a friction law to measured points of force over speed by least squares.
 
     Parameters
     ----------
     points : array, shape (m, 2), pair of arrays, table or path
-        Speeds, none of them zero, and forces against the motion, with the sign of the speed. A
-        mapping or a DataFrame has a column called ``v`` or ``speed`` and one called ``F`` or
-        ``force``, or no others; a file its columns as that of :meth:`stickslip.Table.read`.
+        Nonzero speeds, of one sign or both, and forces opposing the motion, with the sign of the
+        speed. A mapping or a DataFrame has a column named ``v`` or ``speed`` and one named ``F`` or
+        ``force``, or exactly two columns; files are read as by :meth:`stickslip.Table.read`.
     law : FrictionLaw or str
-        One with a sliding force that depends on the speed alone, such as
+        A law whose sliding force depends on the speed alone, such as
         :data:`stickslip.laws.stribeck`; Coulomb's with a viscous part is ``ss.laws.coulomb``.
     free : mapping of str to (float, float) or None, or names, optional
-        Its parameters that are looked for, with bounds; by default all that are not given.
+        Parameters to fit, with bounds; by default all parameters without given values.
     parameters : mapping of str to float, optional
-        Values of the others; those of free ones are where the search begins.
+        Values of the other parameters, and start values of the fitted ones.
     noise : float, optional
         Standard deviation of the forces. By default it is estimated.
     loss : {"linear", "soft_l1", "huber", "cauchy"}
-        Robust ones feel less of outliers.
+        Robust losses are less sensitive to outliers.
     starts, seed
         As of :func:`fit`.
     progress : callable, optional
-        Is told the fraction done.
+        Called with the completed fraction.
 
     Returns
     -------
@@ -149,8 +149,8 @@ def fit_law(
     Raises
     ------
     DeclarationError
-        If points are no numbers or too few, a speed is zero, forces have the wrong sign, the law is
-        none of dry friction, or the points do not depend on a parameter that is free.
+        If points are not numbers or too few, a speed is zero, forces have the wrong sign, the law
+        is not a law of dry friction, or the points do not depend on a fitted parameter.
 
     Examples
     --------
@@ -165,14 +165,14 @@ def fit_law(
     if not chosen.dry or chosen.points:
         raise DeclarationError(
             "law",
-            f"the force of '{chosen.name}' is not a formula of the speed alone",
-            "Choose one with a sliding force, such as ss.laws.stribeck",
+            f"the force of '{chosen.name}' is not a function of the speed alone",
+            "Choose a law with a sliding force, such as ss.laws.stribeck",
         )
     v, F = _read(points)
     given = dict(parameters or {})
     for name in given:
         if name not in chosen.known():
-            reason = f"'{chosen.name}' has no such parameter"
+            reason = f"unknown parameter of '{chosen.name}'"
             raise DeclarationError(f"parameters.{name}", reason, suggestion(name, chosen.known()))
     if free is None:
         free = [name for name in chosen.known() if name not in given]
@@ -227,24 +227,24 @@ def _read(points: Any) -> tuple[Array, Array]:
         raise DeclarationError(
             "points",
             f"{v.size} speeds and {F.size} forces",
-            "Give as many of both, at least 2, like (v, F)",
+            "Give as many speeds as forces, at least 2, like (v, F)",
         )
     for part, name in ((v, "speed"), (F, "force")):
         if not np.isfinite(part).all():
             k = int(np.argmin(np.isfinite(part)))
             raise DeclarationError(
-                f"points[{k}]", f"the {name} is {part[k]}, not a number", "Leave the point out"
+                f"points[{k}]", f"the {name} is {part[k]}, not a number", "Remove the point"
             )
     if (v == 0.0).any():
         k = int(np.argmax(v == 0.0))
         raise DeclarationError(
-            f"points[{k}]", "at the speed 0 the force is anything up to that of rest", _RESTING
+            f"points[{k}]", "at speed 0 the friction force is indeterminate", _RESTING
         )
     if float(np.median(np.sign(v) * F)) < 0.0:
         raise DeclarationError(
             "points",
-            "most forces have the sign of -v",
-            "Give the force against the motion: change its sign",
+            "most forces have the opposite sign of v",
+            "Change the sign: give the force that opposes the motion",
         )
     order = np.argsort(v, kind="stable")
     return v[order], F[order]
@@ -265,8 +265,9 @@ def _columns(points: Any) -> tuple[Array, Array]:
         if not (v and F):
             raise DeclarationError(
                 "points",
-                f"which columns hold speeds and forces is not clear: {short(', '.join(names))}",
-                "Call them v and F",
+                "it is ambiguous which columns have the speeds and forces: "
+                f"{short(', '.join(names))}",
+                "Name them v and F",
             )
         return _numbers(table[v]), _numbers(table[F])
     if isinstance(points, tuple | list) and len(cast("Sequence[Any]", points)) == 2:
@@ -276,7 +277,7 @@ def _columns(points: Any) -> tuple[Array, Array]:
     array = _numbers(points)
     if array.ndim != 2 or array.shape[1] != 2:
         raise DeclarationError(
-            "points", f"an array of the shape {array.shape}", "Give (v, F), or rows [v, F]"
+            "points", f"the array has shape {array.shape}", "Give (v, F), or rows [v, F]"
         )
     return array[:, 0], array[:, 1]
 
@@ -285,4 +286,4 @@ def _numbers(part: Any) -> Array:
     try:
         return np.array(part, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError("points", "not all of them are numbers", "Give numbers") from None
+        raise DeclarationError("points", "they are not all numbers", "Give numbers") from None

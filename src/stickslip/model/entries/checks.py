@@ -39,9 +39,9 @@ def quadratic_form(
                 matrix[x, y] = matrix[y, x] = entry
         rest = ex.substitute(slope, at_rest)
         if pure and rest is not ex.ZERO:
-            raise DeclarationError(where, f"it has a part linear in d_{x}", _QUADRATIC)
+            raise DeclarationError(where, f"it has a term linear in d_{x}", _QUADRATIC)
     if pure and ex.substitute(form, at_rest) is not ex.ZERO:
-        raise DeclarationError(where, "it has a part without rates", _QUADRATIC)
+        raise DeclarationError(where, "it has a term without rates", _QUADRATIC)
     return matrix
 
 
@@ -60,7 +60,6 @@ def check_definite(
 
     Parameters
     ----------
-    matrix : mapping of (str, str) to Expr
     names : list of str
         Coordinates whose rows and columns count.
     values : mapping of str to float
@@ -95,7 +94,7 @@ def check_definite(
             raise DeclarationError(
                 where,
                 f"the {what} is not {kind} (at '{names[k]}')",
-                "Check signs and missing terms",
+                "Check for wrong signs and missing terms",
             )
         if pivot <= small:
             if any(abs(a) > small for a in row.values()):
@@ -104,7 +103,7 @@ def check_definite(
                 raise DeclarationError(
                     where,
                     f"the {what} is not positive semidefinite (at '{names[k]}')",
-                    "Check signs and missing terms",
+                    "Check for wrong signs and missing terms",
                 )
             continue
         for i, a in row.items():
@@ -138,7 +137,7 @@ def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1
         raise DeclarationError(
             where,
             "its derivatives contain numbers that are too large or undefined",
-            "Check exponents and large numbers",
+            "Check for large exponents and numbers",
         ) from None
 
 
@@ -150,8 +149,6 @@ def jumps_through(
 
     Parameters
     ----------
-    formula, guard : Expr
-    name : str
     start : mapping of str to float
         Values beside which these places are.
     held : collection of str

@@ -56,7 +56,6 @@ def chosen_columns(
 
     Parameters
     ----------
-    file : path
     choose : callable
         The names of all columns, and the line in which they stand -> those that are wanted.
 
@@ -68,7 +67,11 @@ def chosen_columns(
     lines = lines_of(file)
     numbers = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
     if not numbers:
-        raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
+        raise DeclarationError(
+            where,
+            "the file is empty",
+            "Write a header line with the names of the columns, and a line for each row",
+        )
     heading = lines[numbers[0]]
     separator = separator_of(heading)
     names = [cell.strip() for cell in cells_in(heading, separator)]
@@ -86,8 +89,8 @@ def chosen_columns(
             except ValueError:
                 raise DeclarationError(
                     f"{where}, line {i + 1}, column '{short(wanted[column])}'",
-                    f"'{short(cell)}' is not a number" if cell else "there is no value",
-                    DECIMAL_POINTS if "," in cell else "Leave the row out, or fill it",
+                    f"'{short(cell)}' is not a number" if cell else "the value is missing",
+                    DECIMAL_POINTS if "," in cell else "Fill it, or delete the row",
                 ) from None
     return columns, np.array(rows) + 1, wanted
 
@@ -111,12 +114,12 @@ def argument_columns(
         for name in (*of, value):
             if name and name not in names:
                 known = suggestion(name, names, "'")
-                raise DeclarationError(where, f"there is no column '{short(name)}'", known)
+                raise DeclarationError(where, f"unknown column '{short(name)}'", known)
         if not (of and value) and all(map(_is_number, names)):
             raise DeclarationError(
                 where,
-                "there are numbers where names of columns should be",
-                "Let it begin with: speed,mu",
+                "the header line has numbers instead of column names",
+                "Add a header line, like: speed,mu",
             )
         arguments = list(of) or names[:1]
         others = [name for name in names if name not in arguments]
@@ -126,8 +129,8 @@ def argument_columns(
         if not last:
             raise DeclarationError(
                 where,
-                f"which column has the values is not clear: there are {short(', '.join(names))}",
-                'Say it, as in {file = "mu.csv", of = "speed", value = "mu"}',
+                f"it is ambiguous which column has the values: {short(', '.join(names))}",
+                'Name it, as in {file = "mu.csv", of = "speed", value = "mu"}',
             )
         return [*arguments, last]
 
@@ -145,8 +148,8 @@ def check_cells(cells: Sequence[str], names: Sequence[str], where: str) -> None:
     DeclarationError
     """
     if len(cells) > len(names) and any(cell.strip() for cell in cells[len(names) :]):
-        reason = f"it has {len(cells)} cells, and there are {len(names)} names of columns"
-        remedy = f"{DECIMAL_POINTS}, and one name for each column"
+        reason = f"the line has {len(cells)} cells, the header has {len(names)} names"
+        remedy = f"{DECIMAL_POINTS}, and give one name for each column"
         raise DeclarationError(where, reason, remedy)
 
 
@@ -168,24 +171,26 @@ def lines_of(file: str | PathLike[str]) -> list[str]:
     try:
         status = path.stat()
         if not S_ISREG(status.st_mode):
-            what = "a directory" if S_ISDIR(status.st_mode) else "no file that has an end"
-            raise DeclarationError(where, f"this is {what}", "Name a file of columns")
+            what = "a directory" if S_ISDIR(status.st_mode) else "not a regular file"
+            raise DeclarationError(
+                where, f"the path is {what}", "Give the path of a file with columns"
+            )
         if status.st_size > _MOST_BYTES:
             raise DeclarationError(
                 where, f"the file has more than {_MOST_BYTES:,} bytes", "Give fewer samples"
             )
         text = path.read_bytes()
     except FileNotFoundError:
-        raise DeclarationError(where, "there is no such file", "Check the path") from None
+        raise DeclarationError(where, "no such file", "Check the path") from None
     except (OSError, ValueError) as error:  # the second: no path at all
         raise DeclarationError(
             where,
             f"the file cannot be read ({getattr(error, 'strerror', None) or error})",
-            "Check its name and its rights",
+            "Check the path and the permissions",
         ) from None
     if b"\x00" in text[:4096]:
         raise DeclarationError(
-            where, "this is no text file", "Save it as text: columns with a line of names"
+            where, "not a text file", "Save it as text with a header line and columns"
         )
     try:
         return text.decode("utf-8-sig").splitlines()
@@ -204,10 +209,12 @@ def _chosen(names: list[str], time: str, value: str, own: str, where: str) -> tu
     for name in (time, value):
         if name and name not in names:
             known = suggestion(name, names, "'")
-            raise DeclarationError(where, f"there is no column '{short(name)}'", known)
+            raise DeclarationError(where, f"unknown column '{short(name)}'", known)
     if not (time and value) and all(map(_is_number, names)):
         raise DeclarationError(
-            where, "there are numbers where names of columns should be", "Let it begin with: t,a"
+            where,
+            "the header line has numbers instead of column names",
+            "Add a header line, like: t,a",
         )
     time = time or next((name for name in ("time", "t") if name in names and name != value), "")
     others = [name for name in names if name != time]
@@ -218,8 +225,8 @@ def _chosen(names: list[str], time: str, value: str, own: str, where: str) -> tu
         missing = "values" if time else "times"
         raise DeclarationError(
             where,
-            f"which column has the {missing} is not clear: there are {short(', '.join(names))}",
-            'Say it, as in {file = "base.csv", time = "t", value = "a"}',
+            f"it is ambiguous which column has the {missing}: {short(', '.join(names))}",
+            'Name it, as in {file = "base.csv", time = "t", value = "a"}',
         )
     return time, value
 
@@ -262,13 +269,17 @@ def strong_motion_of(file: str | PathLike[str]) -> tuple[Array, Array]:
     if found is None:
         raise DeclarationError(
             f"{where}, line {_HEADING}",
-            "it does not say how many samples there are, and how far apart",
+            "the number of samples and their time step are missing",
             "Write it like NPTS= 4000, DT= .0050 SEC, or give a table with the ending .csv",
         )
     count, step = int(found["count"]), float(re.sub("[dD]", "e", found["step"]))
     if count < 2 or not 0.0 < step < np.inf:
-        reason = f"{count} samples that are {step:g} apart"
-        raise DeclarationError(f"{where}, line {_HEADING}", reason, "Give two or more, in time")
+        reason = f"{count} samples with a time step of {step:g}"
+        raise DeclarationError(
+            f"{where}, line {_HEADING}",
+            reason,
+            "Give at least two samples and a positive time step",
+        )
     values: list[float] = []
     for number, line in enumerate(lines[_HEADING:], _HEADING + 1):
         for cell in line.split():
@@ -276,12 +287,14 @@ def strong_motion_of(file: str | PathLike[str]) -> tuple[Array, Array]:
                 values.append(float(cell))
             except ValueError:
                 reason = f"'{short(cell)}' is not a number"
-                raise DeclarationError(f"{where}, line {number}", reason, "Mend the file") from None
+                raise DeclarationError(
+                    f"{where}, line {number}", reason, "Correct the file"
+                ) from None
             if not np.isfinite(values[-1]):
                 reason = f"{values[-1]} is not a number"
-                raise DeclarationError(f"{where}, line {number}", reason, "Mend the file")
+                raise DeclarationError(f"{where}, line {number}", reason, "Correct the file")
     if len(values) != count:
         raise DeclarationError(
-            where, f"there are {len(values)} values, NPTS says {count}", "Mend the file"
+            where, f"the file has {len(values)} values, but NPTS is {count}", "Correct the file"
         )
     return step * np.arange(count), np.array(values)

@@ -62,11 +62,11 @@ class Parameter:
     Attributes
     ----------
     default : float
-        Value used unless another is given.
+        Default value.
     unit : str
         Unit, such as ``"N/m"``; empty if dimensionless.
     meaning : str
-        What it is, in a few words.
+        Short description.
     range : str
         Admissible values as an interval, such as ``"(0, inf)"`` or ``"[0, 1]"``.
     """
@@ -156,27 +156,29 @@ class Internal:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A variable that is computed anew at even times and held between them: what a digital
-    controller puts out, or remembers.
+    """A variable that is updated at equidistant times and held between them, such as an output or a
+    state of a digital controller.
 
-    It is computed at the times offset + k·period that come after the start of a motion; until then
-    it has its initial value. All that is sampled at the same time is computed at once, from the
-    values before, also with several periods, if their ratio is a number: ``"T"`` and ``"10*T"``.
+    It is updated at the times offset + k·period after the start of a motion; before the first
+    update it has its initial value. All variables sampled at the same time are updated
+    simultaneously from the previous values, also with several periods if their ratio is a number:
+    ``"T"`` and ``"10*T"``.
 
     Attributes
     ----------
     period : str or float
         Time between samples, positive.
     law : str or float
-        Its new value: a formula of time, of the state, and of whatever is sampled, itself included.
+        New value: a formula of time, the state, and sampled variables, including itself.
     delay : str or float
-        Time after which the new value acts, less than the period. What is computed and does not act
-        yet is a variable with ``_next`` behind the name. For a delay of a whole period sample it
-        again: ``{"G": Sampled(T, "k*x"), "F": Sampled(T, "G")}``.
+        Time after which the new value takes effect, less than the period. The pending value is a
+        variable with the suffix ``_next``. For a delay of a whole period sample it again: ``{"G":
+        Sampled(T, "k*x"), "F": Sampled(T, "G")}``.
     quantum : str or float
-        Its values are rounded to multiples of that, as a converter does; 0 for none.
+        Values are rounded to multiples of this number, as by an analogue-digital converter; 0 for
+        no rounding.
     offset : str or float
-        A time at which it is sampled.
+        One of the sampling times.
     unit, meaning : str
     """
 
@@ -194,15 +196,15 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Output:
-    """A quantity that results show: a formula of the motion.
+    """An additional quantity of results: a formula of the motion.
 
     Attributes
     ----------
     formula : str or float
         Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
-        unknowns of structures, other outputs, and what results show of contacts and energies by
-        the names in their datasets: ``friction_c``, ``normal_c``, ``slip_speed_c``, ``energy``,
-        accelerations ``dd_x``.
+        degrees of freedom of structures, other outputs, and quantities of contacts and energies by
+        their names in the datasets of results: ``friction_c``, ``normal_c``, ``slip_speed_c``,
+        ``energy``, accelerations ``dd_x``.
     unit, meaning : str
         Unit and meaning; without a unit, the one that follows from the formula.
     """
@@ -233,22 +235,22 @@ class Contact:
     direction : str or pair of str
         Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
         ``("d_x", "d_y")``, for a contact in a plane, and three, such as ``("d_x", "d_y",
-        "d_phi")``, for a face. Where both sides move as given, the rate of a
-        drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
-        its force in stick, which nothing determines, is 0.
+        "d_phi")``, for a face. If the motion of both sides is prescribed, the rate of a drive, such
+        as ``"d_xi"``, or ``"0"`` with a surface speed; the contact then acts on no coordinate, and
+        its force in stick, which is undetermined, is 0.
     threshold : str, float or pair of these
-        Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
-        line; in a plane there is one. May be left out beside a `dissipation`, where it is a factor.
+        Largest friction force in stick, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along
+        a line; in a plane there is one. Optional with a `dissipation`, of which it is a factor.
     surface_speed : str, float or pair of these
         Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
         coordinates (a turntable).
     kinetic : str, float, pair of these or None
-        Friction force k ≤ s while sliding; may use ``speed`` = |u|, in a plane abs(Au), with a
+        Friction force k ≤ s in slip; may use ``speed`` = |u|, in a plane abs(Au), with a
         dissipation R(u), which of a face is a mean of the speeds of its points. By default k = s.
     unit : str
         Unit of the friction force.
     axes : pair of str or float, or three
-        Half axes of the set of forces, in parts of the threshold: for a contact in a plane, or a
+        Half axes of the set of forces, relative to the threshold: for a contact in a plane, or a
         face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
     dissipation : str or Dissipation, optional
         R, of a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
@@ -291,12 +293,13 @@ class Contact:
 
 @dataclass(frozen=True)
 class Unilateral:
-    """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN,
-    along a line or in a plane; with adhesion it holds a pull, too.
+    """A unilateral contact: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb friction μN, along
+    a line or in a plane, optionally with adhesion.
 
-    Thresholds of all contacts of inertial coordinates may use its normal force, by the name
-    ``normal_foot`` for a contact called foot; they are linear in normal forces, of which there may
-    be several. Friction in a plane has one; it may change it, if it is alone on its body.
+    Thresholds of all contacts of inertial coordinates may use its normal force, with the name
+    ``normal_foot`` for a contact named foot. They must be linear in normal forces, of which there
+    may be several. Friction in a plane depends on one normal force, and may change it if it is the
+    only such contact of its body.
 
     Attributes
     ----------
@@ -304,25 +307,24 @@ class Unilateral:
         g(q, t), a function of inertial coordinates and time: the distance. The normal force is the
         one that does work on it, so for friction it has to be a length in the units of that.
     direction : str or pair of str
-        Linear combination of rates along which it rubs, with coefficients of q and t; two of them
-        in a plane.
+        Linear combination of rates of the sliding direction, with coefficients that depend on q and
+        t; two combinations in a plane.
     mu : str or float
         Coefficient of friction μ ≥ 0; may depend on the state and on time.
     kinetic : str or float, optional
-        Coefficient in sliding, at most μ; may depend on the speed too, as ``speed``. By default μ.
+        Coefficient in slip, at most μ; may depend on the speed too, as ``speed``. By default μ.
     surface_speed : str, float or pair of these
         Speed w(t) of the surface along the direction; in a plane as of a :class:`Contact`.
     restitution, tangential_restitution : str or float
-        Part of the approaching velocity with which it rebounds (Newton's law), normal and
-        tangential, between 0 and 1.
+        Coefficients of restitution of Newton's impact law, normal and tangential, between 0 and 1.
     unit : str
         Unit of the forces.
     axes : pair of str or float
         As of a :class:`Contact`: in a plane, the half axes of the set of forces in parts of μN.
     adhesion : str or float
-        Largest pull that it holds while it is closed, N₀ ≥ 0: then N ≥ −N₀ and friction is
-        μ(N + N₀), by Derjaguin's law. It opens when the pull exceeds N₀, has no force while it is
-        open, and holds again when it has closed. It is a force, not an energy, and does not change
+        Largest tensile force of the closed contact, N₀ ≥ 0: N ≥ −N₀, and friction is μ(N + N₀), by
+        Derjaguin's law. The contact opens when the tension exceeds N₀, has no force while open, and
+        adheres again after closing. Adhesion is a force, not an energy, and does not affect
         impacts. May depend on the state and on time.
     """
 
@@ -341,7 +343,7 @@ class Unilateral:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
-        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        """The friction, as a contact with the normal force of the named contact."""
         return _rubbing(self, name, self.adhesion)
 
 
@@ -360,11 +362,11 @@ class Side(Unilateral):
 
 @dataclass(frozen=True)
 class Bilateral:
-    """A constraint g(q, t) = 0 that holds from both sides, such as a bead on a wire or a pin in a
-    slot, with Coulomb's friction μ|N|.
+    """A bilateral constraint g(q, t) = 0, such as a bead on a wire or a pin in a slot, with Coulomb
+    friction μ|N|.
 
-    Thresholds of all contacts of inertial coordinates may use |N|, by the name ``normal_wire``
-    for a constraint called wire.
+    Thresholds of all contacts of inertial coordinates may use |N|, with the name ``normal_wire``
+    for a constraint named wire.
 
     Attributes
     ----------
@@ -387,7 +389,7 @@ class Bilateral:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
-        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        """The friction, as a contact with the normal force of the named contact."""
         return _rubbing(self, name)
 
 
@@ -449,14 +451,15 @@ class Jump:
     Attributes
     ----------
     when : str
-        Formula of the state, rates of inertial coordinates and time. It fires where it passes
-        through zero on the way of the motion; what another jump, or an impact, leaps over does not
-        fire, and neither does a motion that begins at zero.
+        Formula of the state, rates of inertial coordinates and time. The jump fires where the
+        formula crosses zero during the motion. It does not fire if another jump or an impact skips
+        over zero, or if the motion begins at zero.
     to : mapping of str to formula
-        New values of parts of the state: coordinates, rates ``d_x`` of inertial ones, internal
-        variables; formulas of the state before, all at once. What is not named stays.
+        New values of parts of the state: coordinates, rates ``d_x`` of inertial coordinates,
+        internal variables. They are formulas of the state before the jump, applied simultaneously;
+        other parts are unchanged.
     direction : {"falling", "rising", "both"}
-        In which way it passes through zero; −1, 1 and 0 are the same.
+        Direction of the zero crossing; −1, 1 and 0 are equivalent.
     """
 
     when: Formula
@@ -473,14 +476,14 @@ class Jump:
 
 @dataclass(frozen=True)
 class Condition:
-    """An inequality between formulas of the parameters that the literature asks for.
+    """An inequality between formulas of the parameters, such as a condition from the literature.
 
     Attributes
     ----------
     formula : str
         Such as ``"P > rho + c*psi_star"``.
     otherwise : str
-        What happens where it fails; shown as a warning.
+        Warning that is shown where the inequality fails.
     """
 
     formula: str

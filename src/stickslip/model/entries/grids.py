@@ -22,7 +22,7 @@ MOST_STORED = 200_000
 
 def check_word(word: object, known: Sequence[str], where: str) -> None:
     if word not in known:
-        reason = f"there is no '{short(str(word))}'"
+        reason = f"unknown option '{short(str(word))}'"
         raise DeclarationError(where, reason, suggestion(str(word), known, '"'))
 
 
@@ -41,19 +41,19 @@ def checked_grid(points: Any, values: Any, where: str) -> tuple[tuple[Array, ...
         grid = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise DeclarationError(
-            f"{where}, values", "not all of them are numbers", "Give numbers"
+            f"{where}, values", "they are not all numbers", "Give numbers"
         ) from None
     shape = tuple(map(len, axes))
     if grid.shape != shape:
         raise DeclarationError(
             f"{where}, values",
-            f"they have the shape {grid.shape}, and the axes have {shape[0]} and {shape[1]} points",
+            f"they have shape {grid.shape}, but the axes have {shape[0]} and {shape[1]} points",
             "Give a row of values for each point of the first axis",
         )
     if not np.isfinite(grid).all():
         i, j = map(int, np.argwhere(~np.isfinite(grid))[0])
         raise DeclarationError(
-            f"{where}, values[{i}][{j}]", f"{grid[i, j]} is not a number", "Measure it, or fill it"
+            f"{where}, values[{i}][{j}]", f"{grid[i, j]} is not a number", "Give a number"
         )
     return tuple(axes), grid
 
@@ -69,7 +69,7 @@ def grid_in_rows(
             raise DeclarationError(
                 f"{where}, line {rows[k]}, column '{short(name)}'",
                 f"{columns[column, k]} is not a number",
-                "Leave the row out, or fill it",
+                "Fill it, or delete the row",
             )
     axes, places = zip(
         *(np.unique(column, return_inverse=True) for column in columns[:2]), strict=True
@@ -83,21 +83,21 @@ def grid_in_rows(
         if seen[i, j] >= 0:
             raise DeclarationError(
                 f"{where}, line {rows[k]}",
-                f"{place} stands in line {rows[seen[i, j]]} already",
+                f"{place} is already in line {rows[seen[i, j]]}",
                 "Keep one of the two rows",
             )
         seen[i, j] = k
         grid[i, j] = columns[2, k]
         if not math.isfinite(grid[i, j]):
             raise DeclarationError(
-                f"{where}, line {rows[k]}", f"the value at {place} is not a number", "Fill it"
+                f"{where}, line {rows[k]}", f"the value at {place} is not a number", "Give a number"
             )
     if (seen < 0).any():
         i, j = map(int, np.argwhere(seen < 0)[0])
         raise DeclarationError(
             where,
             f"there is no row for {names[0]} = {axes[0][i]:.9g}, {names[1]} = {axes[1][j]:.9g}",
-            "A surface needs a value at every place of its grid",
+            "A surface needs a value at every point of its grid",
         )
     return (axes[0], axes[1]), grid
 
@@ -124,5 +124,5 @@ def unpacked_table(table: Mapping[str, Any], where: str) -> tuple[Any, Array]:
         return (tuple(axes) if len(axes) > 1 else axes[0]), values.reshape(shape)
     except (ValueError, TypeError, IndexError, zlib.error):
         raise DeclarationError(
-            where, "the packed table is damaged", "Write the file once more"
+            where, "the packed table is damaged", "Write the file again"
         ) from None

@@ -41,7 +41,6 @@ def pieces_of_curve(
     ----------
     knots : array, shape (m,)
     values : array, shape (m, ...)
-    kind : {"linear", "pchip", "cubic"}
     outside : pair of {"refused", "constant", "linear"}
         What is below and above; what is refused is written as a constant.
     open_ends : (bool, bool)

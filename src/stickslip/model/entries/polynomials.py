@@ -87,11 +87,9 @@ class PiecewisePolynomial:
 
     Attributes
     ----------
-    name : str
     breaks : array, shape (m + 1,)
     coefficients : array, shape (m, d + 1)
         Of the powers of what is left of a place from the beginning of its piece.
-    period : float
     sides : tuple of str
         Which rows there are: values of "even" and "odd" pieces, and the "gate"; or those of the
         piece around a place, its "own", of what never comes to the end of one.
@@ -107,6 +105,8 @@ class PiecewisePolynomial:
         Of knots: whether they are those of a function with kinks.
     bounded : (float, float) or None
         Of knots: outside of which the function is undefined, if it is somewhere.
+    unit : str
+        Unit of the values; empty if it is not known.
     """
 
     name: str
@@ -119,6 +119,7 @@ class PiecewisePolynomial:
     surface: Surface | None = None
     kinked: bool = False
     bounded: Interval | None = None
+    unit: str = ""
 
     @property
     def both_ways(self) -> bool:
@@ -458,7 +459,7 @@ class TableRow(Function):
         """
         found = LIVING.get(self.table)
         if found is None:
-            raise ReferenceError(f"{self.table}: these samples are gone")
+            raise ReferenceError(f"{self.table}: these samples are no longer available")
         return found
 
     @cached_property
@@ -487,6 +488,13 @@ class TableRow(Function):
     def sampled(self) -> bool:
         """Whether it is a gate."""
         return self.side == "gate"
+
+    @property
+    def unit(self) -> tuple[str, int]:
+        """Unit of the values of the table, empty if it is not known, and the power of the unit of
+        the argument that this row has besides."""
+        pieces = self.pieces
+        return pieces.unit, int(pieces.called.startswith(INTEGRAL)) - self.order
 
     @property
     def called(self) -> str:

@@ -32,6 +32,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
+from stickslip.model.entries.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction
@@ -50,7 +51,7 @@ _FINEST = 1e-12  # part of the largest time that two samples are apart at least
 
 
 class Samples(TimeFunction):
-    """A function of time that is known at some times.
+    """A function of time given by samples.
 
     Parameters
     ----------
@@ -58,20 +59,25 @@ class Samples(TimeFunction):
         Increasing, at least two.
     values : array, shape (m,)
     kind : {"linear", "cubic", "hold"}
-        What it is in between: straight lines, the cubic spline (not-a-knot at the ends, or
-        periodic), or the value of the sample before.
+        Interpolation: piecewise linear, a cubic spline (not-a-knot at the ends, or periodic), or
+        the value of the previous sample.
     periodic : bool
-        Whether it repeats after ``times[-1] - times[0]``; its last value is its first, then.
+        Whether the function has the period ``times[-1] - times[0]``; the last value must equal the
+        first.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file`` and the names of its columns ``time`` and ``value``.
+    unit : str
+        Unit of the values, such as ``"m/s^2"``; empty if it is not declared, so that nothing is
+        compared with it.
 
     Raises
     ------
     DeclarationError
-        If the times are no increasing numbers, a value is not finite, there are fewer than two, or
-        a periodic function ends elsewhere than it begins.
+        If the times are not increasing numbers, a value is not finite, there are fewer than two
+        samples, the last value of a periodic function differs from the first, or the unit cannot
+        be parsed.
 
     Examples
     --------
@@ -91,18 +97,20 @@ class Samples(TimeFunction):
         *,
         where: str = "samples",
         source: Mapping[str, str] | None = None,
+        unit: str = "",
     ) -> None:
         if kind not in SAMPLE_KINDS:
             raise DeclarationError(
                 f"{where}, kind",
-                f"there is no kind '{short(str(kind))}'",
+                f"unknown kind '{short(str(kind))}'",
                 suggestion(str(kind), SAMPLE_KINDS, '"'),
             )
         t, y = checked(times, values, where)
         if periodic and kind != "hold" and y[0] != y[-1]:
             raise DeclarationError(
                 where,
-                f"they begin with {y[0]:.9g} and end with {y[-1]:.9g}, but are to be periodic",
+                f"periodic samples must end with the first value, but they begin with {y[0]:.9g} "
+                f"and end with {y[-1]:.9g}",
                 "Repeat the first value at the end of the period",
             )
         t.flags.writeable = y.flags.writeable = False
@@ -111,6 +119,7 @@ class Samples(TimeFunction):
         self.kind: SampleKind = kind
         self.periodic: bool = bool(periodic)
         self.source: dict[str, str] = dict(source or {})
+        self.unit: str = check_unit(unit, f"{where}, unit")
 
     @classmethod
     @validated
@@ -123,6 +132,7 @@ class Samples(TimeFunction):
         periodic: bool = False,
         *,
         name: str = "",
+        unit: str = "",
     ) -> Samples:
         """Samples of two columns of a text file.
 
@@ -135,7 +145,7 @@ class Samples(TimeFunction):
         time, value : str
             Names of the columns. By default the times are in the column called ``time`` or ``t``,
             the values in that called by the `name`, or ``value``, or else in the only other one.
-        kind, periodic
+        kind, periodic, unit
             As of :class:`Samples`.
         name : str
             What the values are, such as the name of a drive.
@@ -148,14 +158,15 @@ class Samples(TimeFunction):
         """
         if is_strong_motion(file):
             t, y = strong_motion_of(file)
-            return cls(t, y, kind, periodic, where=str(file), source={"file": str(file)})
+            source = {"file": str(file)}
+            return cls(t, y, kind, periodic, where=str(file), source=source, unit=unit)
         t, y, rows, (time, value) = columns_of(file, time, value, name)
         try:
             checked(t, y, str(file))
         except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
         source = {"file": str(file), "time": time, "value": value}
-        return cls(t, y, kind, periodic, where=str(file), source=source)
+        return cls(t, y, kind, periodic, where=str(file), source=source, unit=unit)
 
     # -- what they are -----------------------------------------------------------------------------
 
@@ -165,7 +176,9 @@ class Samples(TimeFunction):
     def __str__(self) -> str:
         first, last = self.span
         repeats = ", periodic" if self.periodic else ""
-        return f"{len(self.times):,} samples from {first:.6g} to {last:.6g}, {self.kind}{repeats}"
+        unit = f", in {self.unit}" if self.unit else ""
+        count = f"{len(self.times):,} samples"
+        return f"{count} from {first:.6g} to {last:.6g}, {self.kind}{repeats}{unit}"
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Their values over time, with what is between them.
@@ -196,12 +209,13 @@ class Samples(TimeFunction):
         return hash(self.digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.times, self.values, self.kind, self.periodic, self.source)
+        again = self.times, self.values, self.kind, self.periodic, self.source, self.unit
+        return _again, again
 
     @cached_property
     def digest(self) -> str:
         """A name for their content."""
-        content = hashlib.sha256(f"{self.kind} {self.periodic}".encode())
+        content = hashlib.sha256(f"{self.kind} {self.periodic} {self.unit}".rstrip().encode())
         for part in (self.times, self.values):
             content.update(np.ascontiguousarray(part).data)
         return content.hexdigest()[:16]
@@ -213,11 +227,11 @@ class Samples(TimeFunction):
 
     @property
     def period(self) -> float:
-        """After which they repeat; 0 if they do not."""
+        """Period; 0 if not periodic."""
         return self.span[1] - self.span[0] if self.periodic else 0.0
 
     def covers(self, start: float, stop: float) -> bool:
-        """Whether they say something of all times in a span."""
+        """Whether they cover a time span."""
         first, last = self.span
         near = NEAR_SAMPLE * max(abs(first), abs(last))
         return self.periodic or (first - near <= start and stop <= last + near)
@@ -232,15 +246,16 @@ class Samples(TimeFunction):
         return found
 
     def count(self, start: float, stop: float) -> int:
-        """How many of them are in a span, at most."""
+        """Maximum number of samples in a span."""
         periods = math.ceil((stop - start) / self.period) + 1 if self.periodic else 1
         return periods * (len(self.times) + 1)
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of them: a few as lists, many as one text (Base64 of compressed
-        floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         found |= {"periodic": True} if self.periodic else {}
+        found |= {"unit": self.unit} if self.unit else {}
         if len(self.times) <= _LISTED:
             return {"times": self.times.tolist(), "values": self.values.tolist(), **found}
         if len(self.times) <= _STORED:
@@ -252,14 +267,14 @@ class Samples(TimeFunction):
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Samples:
-        """Samples of what a model file says.
+        """Samples from the plain data of a model file.
 
         Parameters
         ----------
         table : mapping
             With ``file`` (relative to the folder), ``time`` and ``value``; or ``times`` and
             ``values``; or ``packed``. With ``kind`` and ``periodic`` if they are not linear or
-            repeat.
+            repeat, and the ``unit`` of the values.
         where : str
             The key, for messages.
         folder : path
@@ -275,10 +290,10 @@ class Samples(TimeFunction):
         if way is None:
             raise DeclarationError(
                 where,
-                "it says of no samples where they are",
+                "the source of the samples is missing",
                 'Write it like {file = "base.csv", time = "t", value = "a"}',
             )
-        known = {*way, "kind", "periodic", "digest"}
+        known = {*way, "kind", "periodic", "unit", "digest"}
         for key in table:
             if key not in known:
                 raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
@@ -286,23 +301,30 @@ class Samples(TimeFunction):
         periodic = table.get("periodic", False)
         if not isinstance(periodic, bool):
             raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
+        unit = unit_entry(table, where)
         if way[0] == "file":
             file, time, value = (table.get(key, "") for key in way)
             if not all(isinstance(part, str) for part in (file, time, value)):
-                raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
-            found = cls.read(folder / file, time, value, kind, periodic, name=name)
+                raise DeclarationError(where, "a name is not a string", 'Write it like time = "t"')
+            found = cls.read(folder / file, time, value, kind, periodic, name=name, unit=unit)
         elif way[0] == "times":
-            found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
+            t, y = table["times"], table.get("values", ())
+            found = cls(t, y, kind, periodic, where=where, unit=unit)
         elif way[0] == "packed":
-            found = cls(*_unpacked(table["packed"], where), kind, periodic, where=where)
+            t, y = _unpacked(table["packed"], where)
+            found = cls(t, y, kind, periodic, where=where, unit=unit)
         else:
             raise DeclarationError(
                 where,
-                "these samples are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these samples were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     def __call__(self, t: ArrayLike) -> Any:
@@ -329,26 +351,30 @@ def noise(
     *,
     seed: int,
     kind: SampleKind = "linear",
+    unit: str = "",
 ) -> Samples:
-    """Noise for a drive: independent normal numbers at even times, and samples of them in between.
+    """Create noise for a drive: independent normal samples at equidistant times, interpolated in
+    between.
 
-    It is not white: a motion with dry friction has no meaning under white noise that does not
-    depend on how it is discretised. Its spectrum is that of `kind`, flat up to about a quarter of
-    1/period, and the motion under it is as exact as under any record. Halve the period, and divide
-    the deviation by √2, to see what depends on it.
+    The noise is not white: with dry friction, a motion under white noise depends on the
+    discretisation. The spectrum is that of the interpolation `kind`, flat up to about a quarter of
+    1/period, and the motion is as exact as for any record. To check the dependence on the period,
+    halve it and divide the deviation by √2.
 
     Parameters
     ----------
     span : (float, float)
-        It covers all of it.
+        Time span covered by the samples.
     period : float
         Time between the samples.
     deviation : float
         Standard deviation of the samples.
     seed : int
-        Of NumPy's generator: equal seeds give equal noise, on every machine.
+        Seed of NumPy's generator: equal seeds give equal noise on every machine.
     kind : {"linear", "cubic", "hold"}
-        What it is between the samples.
+        Interpolation between the samples.
+    unit : str
+        Unit of the values.
 
     Returns
     -------
@@ -370,23 +396,27 @@ def noise(
     if not (np.isfinite([start, end]).all() and start < end):
         raise DeclarationError("span", f"({start:g}, {end:g}) is empty", "Give (start, end)")
     if not 0.0 < period < np.inf:
-        raise DeclarationError("period", f"it is {period:g}", "Give a positive number")
+        raise DeclarationError(
+            "period", f"{period:g} is not a positive number", "Give a positive number"
+        )
     if not 0.0 <= deviation < np.inf:
-        raise DeclarationError("deviation", f"it is {deviation:g}", "Give a number that is not < 0")
+        raise DeclarationError("deviation", f"{deviation:g} is negative", "Give a number >= 0")
     if not seed >= 0:
-        raise DeclarationError("seed", f"it is {seed}", "Give a whole number that is not < 0")
+        raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
     steps = np.ceil((end - start) / period * (1.0 - 1e-12))
     if steps > _MOST_NOISE:
-        reason = f"this makes {steps:.3g} samples (at most {_MOST_NOISE:,})"
-        raise DeclarationError("period", reason, "Give a longer one, or a shorter span")
+        reason = f"it would need {steps:.3g} samples (at most {_MOST_NOISE:,})"
+        raise DeclarationError("period", reason, "Increase it, or shorten the span")
     times = start + period * np.arange(int(max(steps, 1.0)) + 1)
     values = deviation * np.random.default_rng(seed).standard_normal(len(times))
-    return Samples(times, values, kind, where="noise")
+    return Samples(times, values, kind, where="noise", unit=unit)
 
 
-def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str]) -> Samples:
+def _again(
+    t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str], unit: str = ""
+) -> Samples:
     """Samples that another process reads."""
-    return Samples(t, y, kind, periodic, source=source)
+    return Samples(t, y, kind, periodic, source=source, unit=unit)
 
 
 def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
@@ -413,11 +443,19 @@ def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
         t = np.insert(t, k + 1, t[k] + half)
         c = np.insert(c, k + 1, moved, axis=0)
     return PiecewisePolynomial(
-        name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period
+        name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period, unit=samples.unit
     )
 
 
 # -- reading ---------------------------------------------------------------------------------------
+
+
+def unit_entry(table: Mapping[str, Any], where: str) -> str:
+    """The unit of the values, as a model file has it."""
+    unit = table.get("unit", "")
+    if not isinstance(unit, str):
+        raise DeclarationError(f"{where}.unit", "not a text", 'Write it like unit = "m/s^2"')
+    return check_unit(unit, f"{where}.unit")
 
 
 class WrongRow(DeclarationError):
@@ -425,7 +463,6 @@ class WrongRow(DeclarationError):
 
     Attributes
     ----------
-    index : int
     column : int
         0 for times or other arguments, 1 for values.
     """
@@ -457,7 +494,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
         raise DeclarationError(
             where,
             f"{t.size} {several} and {y.size} values",
-            f"Give as many {several} as values, at least 2 of each, in a row",
+            "Give two lists of the same length, with at least 2 entries",
         )
     for column, part in enumerate((t, y)):
         finite = np.isfinite(part)
@@ -470,7 +507,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
                 k,
                 column,
                 f"{part[k]} is not a number",
-                "Leave the row out, or fill it",
+                "Fill it, or delete the row",
             )
     check_increasing(t, where, argument)
     return t, y
@@ -488,7 +525,7 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
     if not later.all():
         k = int(np.argmin(later)) + 1
         same = t[k] == t[k - 1]
-        what = "stands twice" if same else f"comes after {t[k - 1]:.9g}"
+        what = "occurs twice" if same else f"comes after {t[k - 1]:.9g}"
         remedy = "Keep one of the two rows" if same else f"Sort the rows by {argument}"
         raise WrongRow(where, several, k, 0, f"the {argument} {t[k]:.9g} {what}", remedy)
     close = np.diff(t) > _FINEST * np.max(np.abs(t))
@@ -499,8 +536,8 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
             several,
             k,
             0,
-            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
-            f"Count {argument} from the first sample",
+            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to each other",
+            f"Shift {argument} so that the first sample is at 0",
         )
 
 
@@ -513,7 +550,7 @@ def _unpacked(text: object, where: str) -> tuple[Array, Array]:
         t, y = np.frombuffer(content, "<f8").astype(float).reshape(2, -1)
     except (ValueError, zlib.error):
         raise DeclarationError(
-            where, "the packed samples are damaged", "Write the file once more"
+            where, "the packed samples are damaged", "Write the file again"
         ) from None
     return t, y
 
@@ -522,4 +559,4 @@ def _numbers(part: Any, where: str) -> Array:
     try:
         return np.array(part, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
+        raise DeclarationError(where, "they are not all numbers", "Give numbers") from None

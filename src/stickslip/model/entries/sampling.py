@@ -23,7 +23,6 @@ class Sampling(NamedTuple):
 
     Attributes
     ----------
-    label : str
     names : tuple of str
         Who asked for it.
     offset, period : str
@@ -49,7 +48,6 @@ def at_once(samplings: Sequence[Sampling], number: Callable[[str], float | None]
 
     Parameters
     ----------
-    samplings : sequence of Sampling
     number : callable
         Value of a formula of parameters, if it does not depend on them.
     """

@@ -34,14 +34,14 @@ def sliding_curves(values: Mapping[str, Any], points: Sequence[str], where: str)
     for name, part in zip(points, (v, F), strict=True):
         if not isinstance(part, tuple):
             raise DeclarationError(
-                f"{where}.{name}", "expected a list", f"Write it like {name} = [0.0, 0.1, 1.0]"
+                f"{where}.{name}", "not a list", f"Write it like {name} = [0.0, 0.1, 1.0]"
             )
     for i, speed in enumerate(v):
         if not is_finite(speed):
             raise DeclarationError(f"{where}.{points[0]}[{i}]", "not a number", "Give numbers")
     if len(v) != len(F):
         reason = f"{len(v)} speeds and {len(F)} forces"
-        raise DeclarationError(f"{where}.{points[1]}", reason, "Give as many of both")
+        raise DeclarationError(f"{where}.{points[1]}", reason, "Give as many speeds as forces")
     outside: Any = values.get("outside", ("constant", "refused"))
     kind: Any = values.get("kind", "linear")
     if v and min(v) >= 0.0:
@@ -53,13 +53,15 @@ def sliding_curves(values: Mapping[str, Any], points: Sequence[str], where: str)
     if len(forward) + len(back) < len(pairs):
         raise DeclarationError(
             f"{where}.{points[0]}",
-            "between sliding forward and back the force at speed 0 is that of rest",
-            "Leave that point out, and give F_s",
+            "with points on both sides, the force at speed 0 is the static one, F_s",
+            "Remove that point, and give F_s",
         )
     for side, name in ((forward, "positive"), (back, "negative")):
         if len(side) < 2:
             raise DeclarationError(
-                f"{where}.{points[0]}", f"fewer than two {name} speeds", "Measure both ways"
+                f"{where}.{points[0]}",
+                f"there are fewer than two {name} speeds",
+                "Give points of sliding in both directions",
             )
     return [
         Table([v for v, _ in side], [force for _, force in side], kind, outside, where=where)

@@ -52,7 +52,8 @@ from stickslip.model.entries.polynomials import (
     PiecewisePolynomial,
     Surface,
 )
-from stickslip.model.entries.samples import WrongRow, checked
+from stickslip.model.entries.samples import WrongRow, checked, unit_entry
+from stickslip.model.entries.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TableFunction
@@ -75,39 +76,44 @@ _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
 class Table:
-    """A curve, or a surface, that is known at some places.
+    """A curve or a surface given at points.
 
     Parameters
     ----------
     points : array, shape (m,), or pair of arrays, shapes (m,) and (n,)
-        Where it is known: increasing, at least two; of a surface the two axes of a grid.
+        Increasing points, at least two; for a surface, the two axes of a grid.
     values : array, shape (m,) or (m, n)
-        Of a curve, they may be formulas of the system's parameters, unless it is monotone.
+        Values at the points. For a curve they may be formulas of the parameters of the system,
+        except with ``"pchip"``.
     kind : {"linear", "pchip", "cubic"}
-        What it is in between: straight lines, of a surface bilinear; the monotone cubic of Fritsch
-        and Carlson, a curve with a continuous slope; or the cubic spline, not-a-knot at its ends,
-        of a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
+        Interpolation: piecewise linear, bilinear for a surface; the monotone cubic of Fritsch and
+        Carlson, for a curve with a continuous slope; or a cubic spline, not-a-knot at its ends, for
+        a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
         ``RectBivariateSpline(..., s=0)`` of SciPy.
     outside : {"refused", "constant", "linear"} or pair of these
-        What it is outside of the points: nothing, so that a motion that comes there ends with the
-        outcome *outside of a table*; the value at the end; or the straight line on which it ends. A
-        pair gives this below and above. By default nothing: what was not measured is not known.
+        Extrapolation: refused, so that a motion outside the points ends with the outcome *outside
+        of a table*; the value at the end; or linear with the slope at the end. A pair applies below
+        and above. Refused by default.
     where : str
-        How errors call it.
+        Name of the input in error messages.
     source : mapping, optional
         The ``file``, and the names of its columns ``of`` and ``value``.
+    unit : str
+        Unit of the values; empty if it is not declared, so that nothing is compared with it. Slopes
+        and integrals have it over, and times, the unit of the argument.
 
     Raises
     ------
     DeclarationError
-        If points do not increase, a value is not finite, or there are too few.
+        If points do not increase, a value is not finite, there are too few, or the unit does not
+        parse.
 
     Notes
     -----
-    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. Of a curve, formulas
-    know the slope as ``d_mu(x)`` and the integral as ``integral_mu(x)``, exactly: the energy of a
-    spring with the force ``F(x)`` is ``integral_F(x)``. It is 0 at 0, or at the end of the table
-    that is nearest to 0.
+    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. For a curve, the
+    exact slope and integral are available as ``d_mu(x)`` and ``integral_mu(x)``: the energy of a
+    spring with the force ``F(x)`` is ``integral_F(x)``. The integral is 0 at 0, or at the end of
+    the table nearest to 0.
 
     Examples
     --------
@@ -127,6 +133,7 @@ class Table:
         *,
         where: str = "table",
         source: Mapping[str, Any] | None = None,
+        unit: str = "",
     ) -> None:
         check_word(kind, TABLE_KINDS, f"{where}, kind")
         sides = outside if isinstance(outside, tuple | list) else (outside, outside)
@@ -135,6 +142,7 @@ class Table:
         self.kind: TableKind = kind
         self.outside: tuple[Outside, Outside] = (sides[0], sides[1])
         self.source: dict[str, Any] = dict(source or {})
+        self.unit: str = check_unit(unit, f"{where}, unit")
         self.formulas: dict[int, str] = {}
         self.axes: tuple[Array, ...]
         if is_grid(points):
@@ -142,7 +150,7 @@ class Table:
             if kind == "pchip":
                 raise DeclarationError(
                     f"{where}, kind",
-                    "a surface is not monotone in one way",
+                    '"pchip" is not available for surfaces',
                     'Write "linear" or "cubic"',
                 )
         else:
@@ -158,14 +166,14 @@ class Table:
         if self.formulas and self.kind == "pchip":
             raise DeclarationError(
                 f"{where}, kind",
-                "a monotone curve is not linear in its values, which are formulas here",
+                '"pchip" is not available for values that are formulas',
                 'Write "linear" or "cubic", or give numbers',
             )
         if len(self.formulas) > _MOST_FORMULAS:
             raise DeclarationError(
                 f"{where}, values",
-                f"{len(self.formulas)} of them are formulas (at most {_MOST_FORMULAS})",
-                "Give numbers, or fewer points",
+                f"{len(self.formulas)} values are formulas (at most {_MOST_FORMULAS})",
+                "Use numbers, or fewer points",
             )
 
     @classmethod
@@ -179,6 +187,7 @@ class Table:
         outside: Outside | tuple[Outside, Outside] = "refused",
         *,
         name: str = "",
+        unit: str = "",
     ) -> Table:
         """A table of columns of a text file.
 
@@ -193,7 +202,7 @@ class Table:
         value : str
             The column of the values: by default that called by the `name`, or ``value``, or else
             the only other one.
-        kind, outside
+        kind, outside, unit
             As of :class:`Table`.
         name : str
             How formulas call it.
@@ -210,12 +219,13 @@ class Table:
         source = {"file": str(file), "of": names if len(names) > 1 else names[0], "value": last}
         if len(names) > 1:
             axes, grid = grid_in_rows(columns, rows, names, str(file))
-            return cls(axes, grid, kind, outside, where=str(file), source=source)
+            return cls(axes, grid, kind, outside, where=str(file), source=source, unit=unit)
         try:
             checked(columns[0], columns[1], str(file), "point")
         except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (names[0], last)) from None
-        return cls(columns[0], columns[1], kind, outside, where=str(file), source=source)
+        points, values = columns[0], columns[1]
+        return cls(points, values, kind, outside, where=str(file), source=source, unit=unit)
 
     # -- what it is --------------------------------------------------------------------------------
 
@@ -227,7 +237,8 @@ class Table:
         ranges = ", ".join(f"{axis[0]:.6g} to {axis[-1]:.6g}" for axis in self.axes)
         below, above = self.outside
         beyond = below if below == above else f"{below} below, {above} above"
-        return f"{count} points from {ranges}, {self.kind}, outside {beyond}"
+        unit = f", in {self.unit}" if self.unit else ""
+        return f"{count} points from {ranges}, {self.kind}, outside {beyond}{unit}"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Table) and other.digest == self.digest
@@ -236,7 +247,8 @@ class Table:
         return hash(self.digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.points, self.given, self.kind, self.outside, self.source)
+        again = self.points, self.given, self.kind, self.outside, self.source, self.unit
+        return _again, again
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """The values over the points, with what is between them; a surface as levels.
@@ -262,7 +274,7 @@ class Table:
 
     @property
     def points(self) -> Any:
-        """Where it is known: an array, or a pair of them."""
+        """Points of the table: an array, or a pair of arrays."""
         return self.axes if len(self.axes) > 1 else next(iter(self.axes))
 
     @property
@@ -277,23 +289,30 @@ class Table:
         """What its arguments are called where formulas are read."""
         return ("x", "y")[: len(self.axes)]
 
+    @property
+    def _weights(self) -> str:
+        """The unit of what values, or coefficients of a surface, are multiplied by."""
+        return "1" if self.unit else ""
+
     @cached_property
     def digest(self) -> str:
         """A name for its content."""
-        content = hashlib.sha256(f"{self.kind} {self.outside} {self.formulas}".encode())
+        about = f"{self.kind} {self.outside} {self.formulas} {self.unit}".rstrip()
+        content = hashlib.sha256(about.encode())
         for part in (*self.axes, self.values):
             content.update(np.ascontiguousarray(part).data)
         return content.hexdigest()[:16]
 
     def plain(self) -> dict[str, Any]:
-        """What a model file says of it: few numbers as lists, many as one text (Base64 of
-        compressed floating-point numbers), very many by their file and digest."""
+        """Plain data for a model file: few numbers as lists, many as one string (Base64 of
+        compressed floating-point numbers), very many by file and digest."""
         found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
         below, above = self.outside
         if below != above:
             found["outside"] = [below, above]
         elif below != "refused":
             found["outside"] = below
+        found |= {"unit": self.unit} if self.unit else {}
         size = self.values.size + sum(map(len, self.axes))
         if size <= 2 * _LISTED or self.formulas:
             points = [axis.tolist() for axis in self.axes]
@@ -309,13 +328,13 @@ class Table:
     def from_plain(
         cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
     ) -> Table:
-        """A table of what a model file says.
+        """Table from the plain data of a model file.
 
         Parameters
         ----------
         table : mapping
             With ``file`` (relative to the folder), ``of`` and ``value``; or ``points`` and
-            ``values``; or ``packed`` and ``shape``. With ``kind`` and ``outside``.
+            ``values``; or ``packed`` and ``shape``. With ``kind``, ``outside`` and ``unit``.
         where : str
             The key, for messages.
         folder : path
@@ -331,10 +350,10 @@ class Table:
         if way is None:
             raise DeclarationError(
                 where,
-                "it does not say where its points are",
+                "the points of the table are missing",
                 'Write it like {file = "mu.csv", of = "speed", value = "mu"}',
             )
-        known = {*way, "kind", "outside", "digest"}
+        known = {*way, "kind", "outside", "unit", "digest"}
         for key in table:
             if key not in known:
                 raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
@@ -343,28 +362,36 @@ class Table:
             table.get("kind", "linear"),
             tuple(outside) if isinstance(outside, list) else outside,
         )
+        unit = unit_entry(table, where)
         if way[0] == "file":
             of, value = table.get("of", ""), table.get("value", "")
             of = tuple(of) if isinstance(of, list) else of
             names = (table["file"], value, *(of if isinstance(of, tuple) else (of,)))
             if not all(isinstance(part, str) for part in names) or len(names) > 4:
                 raise DeclarationError(
-                    where, "a column is no text", 'Write it like of = "speed", or of = ["x", "y"]'
+                    where,
+                    "the name of a column is not a string",
+                    'Write it like of = "speed", or of = ["x", "y"]',
                 )
-            found = cls.read(folder / table["file"], of, value, *options, name=name)
+            found = cls.read(folder / table["file"], of, value, *options, name=name, unit=unit)
         elif way[0] == "points":
-            found = cls(table["points"], table.get("values", ()), *options, where=where)
+            points, values = table["points"], table.get("values", ())
+            found = cls(points, values, *options, where=where, unit=unit)
         elif way[0] == "packed":
             points, values = unpacked_table(table, where)
-            found = cls(points, values, *options, where=where)
+            found = cls(points, values, *options, where=where, unit=unit)
         else:
             raise DeclarationError(
                 where,
-                "these points are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these points were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     # -- as a function -----------------------------------------------------------------------------
@@ -383,12 +410,12 @@ class Table:
             If values are formulas, or the number of arguments is wrong.
         """
         if self.formulas:
-            raise DeclarationError(
-                "table", "its values are formulas", "Ask a system, by system.evaluate"
-            )
+            raise DeclarationError("table", "its values are formulas", "Use system.evaluate")
         if len(places) != len(self.axes):
             raise DeclarationError(
-                "table", f"it has {len(self.axes)} argument(s), not {len(places)}", "Give so many"
+                "table",
+                f"the table has {len(self.axes)} argument(s), got {len(places)}",
+                "Give one array for each argument",
             )
         at = np.broadcast_arrays(*(np.asarray(place, float) for place in places))
         found = self._evaluated(*at)
@@ -415,7 +442,7 @@ class Table:
         return k, np.where((place >= low) & (place <= high), place - breaks[k], np.nan)
 
     def functions(self, name: str) -> dict[str, TableFunction]:
-        """What formulas may call of it: itself, and of a curve its slope and its integral."""
+        """Functions available in formulas: the table and, for a curve, its slope and integral."""
         if len(self.axes) > 1:
             return {name: _Surface(self, name)}
         return {
@@ -448,7 +475,14 @@ class Table:
                 c = integrated(breaks, c, open_ends)
             covered = self._covered(0, open_ends)
             return PiecewisePolynomial(
-                name, breaks, c, 0.0, sides=("even", "odd"), called=called, covered=covered
+                name,
+                breaks,
+                c,
+                0.0,
+                sides=("even", "odd"),
+                called=called,
+                covered=covered,
+                unit=self.unit if which is None else self._weights,
             )
 
         return self._kept(called, open_ends, "values" if which is None else which, make)
@@ -487,7 +521,14 @@ class Table:
 
         def make(label: str, c: Array, of: Surface | None) -> PiecewisePolynomial:
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, surface=of
+                label,
+                breaks,
+                c,
+                0.0,
+                sides=("even", "odd"),
+                covered=covered,
+                surface=of,
+                unit=self._weights,
             )
 
         numbers, within = np.arange(float(count))[:, None], np.tile([0.0, 1.0], (count, 1))
@@ -499,7 +540,7 @@ class Table:
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
     ) -> tuple[int, dict[tuple[int, int], PiecewisePolynomial]]:
-        """How many columns a surface has, and by powers of both places in a cell its coefficients,
+        """Number of columns of a surface, and by powers of both places in a cell its coefficients,
         functions of the number of the cell."""
         cells = self._cells(open_x, open_y)
         columns, rows, high, wide = cells.shape
@@ -510,7 +551,14 @@ class Table:
             c = np.ascontiguousarray(cells[:, :, a, b].T.reshape(-1, 1))
             of = self.surface if a == b == 0 else None
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("own",), covered=_EVERYWHERE, surface=of
+                label,
+                breaks,
+                c,
+                0.0,
+                sides=("own",),
+                covered=_EVERYWHERE,
+                surface=of,
+                unit=self.unit,
             )
 
         return columns, {
@@ -539,7 +587,7 @@ class Table:
             breaks = ends_of_pieces(self.axes[other], open_ends)
             covered = self._covered(other, open_ends)
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, unit=self.unit
             )
 
         place = np.float64(value).tobytes().hex()
@@ -708,8 +756,7 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
     for beyond, side in ((high < first, table.outside[0]), (low > last, table.outside[1])):
         if beyond and side == "refused":
             raise ZeroDivisionError(
-                f"the table '{name}' is known from {first:.9g} to {last:.9g}, not at "
-                f"{short(ex.to_text(x))}"
+                f"the table '{name}' covers {first:.9g} to {last:.9g}, not {short(ex.to_text(x))}"
             )
     return low >= first, high <= last
 
@@ -717,6 +764,6 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
 # -- reading ---------------------------------------------------------------------------------------
 
 
-def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any) -> Table:
+def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any, unit: str = "") -> Table:
     """A table that another process reads."""
-    return Table(points, values, kind, outside, source=source)
+    return Table(points, values, kind, outside, source=source, unit=unit)

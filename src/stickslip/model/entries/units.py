@@ -74,12 +74,16 @@ def check_unit(text: str, where: str) -> str:
     names = re.findall(r"[A-Za-zµ]+", plain)
     unknown = [name for name in names if name not in UNIT_NAMES]
     if unknown or (plain and not _UNIT.match(plain)):
-        reason = f"at '{short(unknown[0])}'" if unknown else "as a product of powers"
+        reason = (
+            f": unknown unit '{short(unknown[0])}'"
+            if unknown
+            else ": it is not a product of powers"
+        )
         remedy = "Write a product of SI units with powers, like 'kg*m^2/s', or '1'"
         meant = _meant(unknown[0]) if unknown else []
         if meant:
             remedy = f"Did you mean {' or '.join(repr(name) for name in meant)}? {remedy}"
-        raise DeclarationError(where, f"the unit '{short(text)}' does not parse {reason}", remedy)
+        raise DeclarationError(where, f"cannot parse '{short(text)}'{reason}", remedy)
     return text
 
 
@@ -179,8 +183,11 @@ def agree(first: UnitPowers, second: UnitPowers) -> bool:
 
 
 def with_unit(value: float, unit: str, digits: int = 9) -> str:
-    """A number with its unit, if it has one."""
-    return f"{value:.{digits}g}" + ("" if unit.strip() in ("", "1") else f" {unit}")
+    """A number with its unit, if it has one; below a million without a power of ten."""
+    text = f"{value:.{digits}g}"
+    if "e+" in text and abs(value) < 1e6:
+        text = f"{float(text):.0f}"
+    return text + ("" if unit.strip() in ("", "1") else f" {unit}")
 
 
 def unit_label(text: str) -> str:

@@ -61,7 +61,6 @@ def fit_cones(rows: Rows, space: Space, scale: float) -> None:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With Delassus' matrix, and the cones; receives the forces, and what they leave.
     scale : float
@@ -107,7 +106,6 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Receives it: the forces of all contacts, the parts of their thresholds, and the weight 0.
     own : int
@@ -185,7 +183,6 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the rays, and what is left beside them.
     number : int

@@ -150,8 +150,6 @@ def put_part(rows: Rows, space: Space, J: Array, p: int, every: bool) -> None:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     J : array
         Directions that do not change.
     p : int
@@ -196,12 +194,10 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the responses to unit impulses.
     mode : array of int
         Receives the mode.
-    number : int
     """
     choose_impulse_mode(number, rows, space.tried, mode)
     aim_impulses(rows, space, mode)
@@ -256,7 +252,6 @@ def point_along(rows: Rows, work: Array, c: int, x: float, y: float) -> None:
 
     Parameters
     ----------
-    rows : Rows
     work : array
         As of :class:`stickslip.motion.steps.arrays.Space`.
     c : int
@@ -343,10 +338,8 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the responses; receives the impulses.
-    mode : array of int
     """
     work = space.impact
     tried = space.tried
@@ -459,7 +452,6 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
 
     Parameters
     ----------
-    rows : Rows
     work, tried : arrays
         As of :class:`stickslip.motion.steps.arrays.Space`.
     mode : array of int
@@ -502,10 +494,8 @@ def obeys_in_plane(
 
     Parameters
     ----------
-    rows : Rows
     work : array
         As of :class:`stickslip.motion.steps.arrays.Space`.
-    mode : array of int
     c : int
         The contact, by its first direction.
     strong, fast : float

@@ -204,7 +204,6 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     flow : Flow
         Receives them.
     mode : array of int, shape (contacts,)
-    group, rank : int
     """
     rows = flow.rows
     space = flow.space
@@ -239,9 +238,7 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
-    group, rank : int
     fastest : float
         The speed of the contact that it moves most.
     """
@@ -267,7 +264,6 @@ def holds_until(
     flow : Flow
         With control points of the whole in its work space.
     mode : array of int, shape (contacts,)
-    group, rank, d : int
     end : float
         Where to stop.
     lack : float
@@ -346,7 +342,6 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
     mode : array of int, shape (contacts,)
     first, d : int
         The first contact of them, and the degree.
-    least : float
     """
     group = flow.rows.group[first]
     count, rank = grip(flow, mode, flow.space.W, group)

@@ -269,8 +269,6 @@ def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     c : int
         The contact, by its first direction.
     x, y : float
@@ -339,9 +337,6 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
-    mode : array of int
     afresh : bool
         Whether they yield from nothing. Else they yield from the impulses so far, so that what has
         yielded is taken away.
@@ -404,10 +399,6 @@ def add_response(rows: Rows, space: Space, mode: Array, b: int, weight: float, c
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
-    mode : array of int
-    b : int
     weight : float
         Part of the unknown that the impulse is.
     column : int
@@ -438,10 +429,8 @@ def put_turn(rows: Rows, space: Space, mode: Array, c: int) -> None:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Its equations receive it.
-    mode : array of int
     c : int
         The contact, by its first direction.
     """
@@ -531,10 +520,6 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
-    mode : array of int
-    c : int
     strong, fast : float
         Impulses and velocities that are zero.
     """
@@ -564,10 +549,8 @@ def right_mode_in_plane(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Its direction becomes that of its impulse where it begins to slip.
-    mode : array of int
     c : int
         The contact, by its first direction.
     strong, fast : float

@@ -65,7 +65,6 @@ def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> boo
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     group, rank : int
         The contacts, and how many of their directions are independent.
@@ -104,8 +103,6 @@ def overload(
         With directions, and forces and radii in the work space; receives what the body would do in
         the limit, w.
     mode : array of int, shape (contacts,)
-    group, rank : int
-    lack : float
     full : bool
         Whether the factor is wanted, and the limit, where q is too large; otherwise some mechanism
         and its factor.
@@ -205,8 +202,6 @@ def slope_of(
     flow : Flow
         With directions, q and radii in its work space.
     mode : array of int, shape (contacts,)
-    group, rank : int
-    w : array
     part : float
         Of q.
     slope : array
@@ -243,7 +238,6 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     flow : Flow
         Receives the matrix in its work space.
     mode : array of int, shape (contacts,)
-    group, rank : int
     """
     rows = flow.rows
     space = flow.space
@@ -290,7 +284,6 @@ def descent(flow: Flow, rank: int) -> float:
     ----------
     flow : Flow
         With F′, and the inverse of F″ over a basis.
-    rank : int
     """
     space = flow.space
     slope, step, basis = space.aside[_SLOPE], space.aside[STEP], space.basis
@@ -316,9 +309,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
-    group, rank : int
     """
     rows = flow.rows
     space = flow.space
@@ -375,7 +366,6 @@ def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> floa
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     group, rank : int
         The contacts, and how many of their directions are independent.

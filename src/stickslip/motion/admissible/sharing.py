@@ -139,7 +139,6 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
-    group : int
     """
     rows = flow.rows
     basis, grips = flow.space.basis, flow.space.grip
@@ -198,7 +197,6 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
-    group : int
     """
     rows = flow.rows
     basis = flow.space.basis

@@ -29,7 +29,6 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows; those of the forces are changed.
@@ -65,7 +64,6 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
     flow : Flow
         With both.
     mode : array of int, shape (contacts,)
-    group, rank : int
     """
     rows = flow.rows
     aside = flow.space.aside

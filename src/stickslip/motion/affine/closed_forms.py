@@ -80,14 +80,10 @@ def make_form(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Constants by group (a leading axis).
     g : int
         The group.
-    T : ClosedForms
-    w : Making
-    slot : int
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Modes are 0 or ±1.
     """
@@ -254,8 +250,6 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     ----------
     T : ClosedForms
         Filled.
-    w : Making
-    slot : int
     count : int
         How many components it has.
     blocks : int
@@ -506,9 +500,6 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
     ----------
     T : ClosedForms
         Filled.
-    w : Making
-    slot : int
-    rows : Rows
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     """
     F = w.probes.F
@@ -581,9 +572,6 @@ def put_facets(T: ClosedForms, w: Making, slot: int, rows: Rows, p: int, g: int)
     ----------
     T : ClosedForms
         Filled.
-    w : Making
-    slot : int
-    rows : Rows
     p : int
         The plane.
     g : int
@@ -624,8 +612,6 @@ def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
     ----------
     out : array
         Receives it.
-    x, y : arrays
-    a, b : float
     """
     for j in range(len(out)):
         out[j] = a * x[j] + b * y[j] if b != 0.0 else a * x[j]
@@ -640,9 +626,6 @@ def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Arr
     ----------
     T : ClosedForms
         Filled.
-    w : Making
-    slot : int
-    rows : Rows
     mode : array of int, shape (contacts,)
     """
     F = w.probes.F
@@ -677,11 +660,8 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
     ----------
     T : ClosedForms
         Filled.
-    w : Making
-    slot : int
     omega : array, shape (waves,)
         Frequencies of the drives.
-    blocks : int
     """
     F = w.probes.F
     n = len(w.moving)

@@ -160,9 +160,6 @@ def reflect(H: Array, Q: Array, v: Array, tau: float, at: tuple[int, int, int, i
 
     Parameters
     ----------
-    H, Q : arrays
-    v : array
-    tau : float
     at : (int, int, int, int, int)
         Size of the matrices; first component, and how many; the first column of H that is not zero
         there, and the end of its rows that are not.
@@ -245,7 +242,6 @@ def francis_step(H: Array, Q: Array, n: int, v: Array, low: int, high: int, stal
 
     Parameters
     ----------
-    H, Q : arrays
     n : int
         Size of the matrices.
     v : array

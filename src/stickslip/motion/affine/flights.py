@@ -127,7 +127,6 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
     G : array, shape (ns,)
     size : array, shape (orders, ns)
         First the moduli of s; receives the sizes of the terms of its derivatives up to order k + 1.
-    k : int
     near : float
         The time, in the unit of S.
     """

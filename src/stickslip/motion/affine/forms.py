@@ -238,8 +238,6 @@ class Making(NamedTuple):
 
     Attributes
     ----------
-    probes : Probes
-    spectrum : Eigenproblem
     moving, part, members : arrays of int, shape (n,)
         1 for each component that moves; the connected part it belongs to, or what it is
         instead; the components of one part.

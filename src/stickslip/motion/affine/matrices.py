@@ -136,8 +136,6 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     w : Probes
         Receives them.
@@ -371,7 +369,6 @@ def rotate(A: Array, i: int, k: int, cosine: float, sine: float) -> None:
 
     Parameters
     ----------
-    A : array
     i, k : int
         The columns.
     cosine, sine : float

@@ -71,7 +71,6 @@ class ModalSum(NamedTuple):
         What changes slowly, at the nodes of the stretch.
     z, lam : arrays of complex
         Amplitudes at its beginning, and exponents.
-    length : float
     values, points, scratch, stack : arrays
         Work space: of a window, and to halve it.
     """
@@ -146,7 +145,6 @@ def least_of_sum(s: ModalSum, negligible: float) -> float:
 
     Parameters
     ----------
-    s : ModalSum
     negligible : float
         What may be below zero without a question.
     """
@@ -235,7 +233,6 @@ def _turning_values(
         With the window in `values`.
     start, h : float
         The window.
-    low, high : float
     """
     first, last = signal_at(s, start), signal_at(s, start + h)
     low, high = min(low, min(first, last)), max(high, max(first, last))
@@ -297,7 +294,6 @@ def put_moments_at_nodes(z: complex, moments: Array, b: int, work: Array) -> Non
 
     Parameters
     ----------
-    z : complex
     moments : array of complex, shape (COUNT, ·)
     b : int
         The column.

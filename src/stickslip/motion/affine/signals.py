@@ -96,7 +96,6 @@ def first_of_bend(
         Of the signal; `rate` is λ, real and not zero.
     limit, floor : float
         End of the search, and rounding error of the values.
-    rising : int
     """
     start, guess = 0.0, 0.0
     if c1 == 0.0:
@@ -219,7 +218,6 @@ def _root_of_wave(s: Wave, low: float, high: float, guess: float, floor: float) 
 
     Parameters
     ----------
-    s : Wave
     low, high, guess : float
         The bracket, and the first point that is tried.
     floor : float
@@ -356,7 +354,6 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     ----------
     s : SignalSum
         Advanced to the time.
-    start, h : float
     work : array, shape (WINDOW_ORDER + 1,)
         Receives it.
     """

@@ -142,8 +142,6 @@ def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     c : int
         The contact.
     h : float

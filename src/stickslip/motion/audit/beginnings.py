@@ -62,8 +62,6 @@ def judge_beginning(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     starts, ends : Record
         As of :func:`.audit_steps`.
     i : int
@@ -128,8 +126,6 @@ def hold_beginnings(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         The beginning; its mode is changed.
     starts, ends, i, tally
@@ -190,14 +186,10 @@ def release_what_stays(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         The beginning; its mode is changed.
-    ends : Record
     slips : array of int, shape (contacts,)
         The mode of the step.
-    i : int
     """
     space = flow.space
     mode = at.mode
@@ -344,10 +336,8 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the forces.
-    c : int
     late : float
         By how much the time is a rounded number, in the unit of that of the coefficients.
     force : float

@@ -161,7 +161,6 @@ def extent_of_body(
 
     Parameters
     ----------
-    rows : Rows
     W : array
         Polynomials of the rows.
     N : int
@@ -193,7 +192,6 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
 
     Parameters
     ----------
-    rows : Rows
     mag : array
         Sizes of the terms of what may cancel.
     r : int
@@ -224,7 +222,6 @@ def encloses(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the coefficients, the discs and the powers of the piece.
     mode : array of int, shape (contacts,)

@@ -71,7 +71,6 @@ def sample_plane(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the values of the rows at the node; receives those of the guards.
     mode : array of int, shape (contacts,)
@@ -150,7 +149,6 @@ def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With what :func:`sample_plane` keeps.
     mode : array of int, shape (contacts,)
@@ -179,7 +177,6 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With what :func:`sample_plane` keeps, and the discs.
     mode : array of int, shape (contacts,)

@@ -116,7 +116,6 @@ def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: f
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has the polynomials and the guards at the nodes; in `Space.cones`, RESTS and
         FORCE_SIZE say what rests, and the sizes of forces. Receives the guards.
@@ -155,11 +154,9 @@ def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         In the `Space.cones` of its work space RESTS and FORCE_SIZE say what rests, and the sizes of
         forces.
-    at : Instant
     """
     room = 0.0
     wider = _LITTLE
@@ -175,7 +172,6 @@ def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the polynomials.
     order : int
@@ -209,10 +205,8 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space receives the difference.
-    at : Instant
     room : float
         Part of what the law allows from whose bounds they keep away.
     end : int
@@ -268,7 +262,6 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the values of all rows.
     mode : array of int, shape (contacts,)
@@ -331,8 +324,6 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     mode : array of int, shape (contacts,)
     sign : float
         1 or −1.
@@ -399,11 +390,9 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the guards at the nodes.
     mode : array of int, shape (contacts,)
-    piece : StepPiece
     tally : Tally
         Sizes.
     """
@@ -466,11 +455,8 @@ def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the polynomials.
-    c : int
-    piece : StepPiece
     tally : Tally
         Sizes.
     """
@@ -529,7 +515,6 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
     flow : Flow
         With what :func:`sample_together` keeps, and the discs.
     mode : array of int, shape (contacts,)
-    piece : StepPiece
     turned : float
         By how much directions differ from their polynomials at the nodes.
     tally : Tally

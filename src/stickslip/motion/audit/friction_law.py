@@ -67,7 +67,6 @@ def sample_law(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the values of the rows at the node; receives those of the guards.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -180,11 +179,9 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the guards at the nodes, and the discs.
     mode : array of int, shape (contacts,)
-    piece : StepPiece
     tally : Tally
         Receives the largest.
     """
@@ -258,7 +255,6 @@ def judge_opening(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With normal forces and gaps at the nodes, and the discs.
     mode : array of int, shape (contacts,)

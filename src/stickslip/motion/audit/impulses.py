@@ -100,7 +100,6 @@ def explain_jump(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space receives what is not explained (`Space.explained`).
     before : Instant
@@ -211,9 +210,6 @@ def rests_at_last(rows: Rows, space: Space, c: int, size: float) -> bool:
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
-    c : int
     size : float
         Of the terms of its velocity.
     """
@@ -267,8 +263,6 @@ def fit_impulses(
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     before, after : arrays
         States on both sides of the jump.
     cause : int
@@ -342,7 +336,6 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the impulses; receives it.
     before, after : arrays
@@ -423,8 +416,6 @@ def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) ->
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     before : Instant
         Its mode is used up.
     after : array

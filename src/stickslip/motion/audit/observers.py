@@ -175,7 +175,6 @@ def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums
 
     Parameters
     ----------
-    rows : Rows
     mode, after : arrays of int, shape (contacts,)
         On the step, and from its end on.
     """
@@ -196,7 +195,6 @@ def widen_square(
 
     Parameters
     ----------
-    rows : Rows
     W : array
         Taylor coefficients.
     c, order : int
@@ -205,7 +203,6 @@ def widen_square(
         End of the step, in the unit of their time.
     stack : array, shape (64, 36)
         Work space.
-    largest : float
     """
     square = stack[len(stack) - 1]
     for k in range(order):

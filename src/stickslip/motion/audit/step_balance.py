@@ -122,7 +122,6 @@ def audit_steps(
     extremes : bool
         Whether what :class:`stickslip.motion.audit.observers.Sums` say beyond times and switches is
         asked for, too.
-    accounts : Accounts
 
     Notes
     -----
@@ -186,8 +185,6 @@ def audit_step(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     seen, starts, ends, extremes, accounts
         As of :func:`audit_steps`.
     i : int
@@ -279,13 +276,9 @@ def measure_piece(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    piece : StepPiece
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     i : int
         The step.
-    steps : Steps
     tally : Tally
         Both are added to.
     """
@@ -344,15 +337,12 @@ def sample_residuals(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the values of the rows at the node; receives the residuals.
-    piece : StepPiece
     y : array, shape (n,)
         State at the node.
     g, i : int
         The node, and the step.
-    steps : Steps
     tally : Tally
         Both are added to.
     """

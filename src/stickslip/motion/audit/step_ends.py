@@ -66,8 +66,6 @@ def audit_start(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     starts, ends, accounts
         As of :func:`.audit_steps`.
     i : int
@@ -111,8 +109,6 @@ def jump_or_collide(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         After it, with the mode and the regions of the step.
     h : float
@@ -147,7 +143,6 @@ def close_jump(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has the state at which the step arrives, and receives the one after it.
     at : Instant
@@ -187,7 +182,6 @@ def close_impact(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has the state at which the step arrives.
     at : Instant
@@ -245,15 +239,12 @@ def count_jumps(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         End of the step; its regions become the next ones where a load jumps.
     next_reg : array of int, shape (kinks,)
         Regions that begin there.
     i : int
         The step.
-    steps : Steps
     tally : Tally
         Both are added to.
     """
@@ -294,7 +285,6 @@ def close_step(
 
     Parameters
     ----------
-    flow : Flow
     at : Instant
         End of the step, with the mode of the step.
     N : int
@@ -305,7 +295,6 @@ def close_step(
         State at the beginning of the step.
     i : int
         The step.
-    steps : Steps
     tally : Tally
         Both are added to.
     """

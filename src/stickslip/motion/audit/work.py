@@ -87,8 +87,6 @@ def work_in_step(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     seen, starts, times, work
         As of :func:`work_until`.
     i : int
@@ -147,10 +145,8 @@ def work_between(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has the polynomials of the piece.
-    piece : StepPiece
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     a, b : float
         The part, from the beginning of the piece.
@@ -178,7 +174,6 @@ def put_nodes(flow: Flow, piece: StepPiece, a: float, b: float) -> None:
     ----------
     flow : Flow
         Its work space has the polynomials of the piece.
-    piece : StepPiece
     a, b : float
         The part, from the beginning of the piece.
     """
@@ -205,10 +200,8 @@ def powers_at(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has the polynomials of the piece, and the states at the nodes.
-    piece : StepPiece
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     tau : float
         The time, from the beginning of the piece.
@@ -243,7 +236,6 @@ def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
     ----------
     flow : Flow
         Its work space has the polynomials, and the values of the rows at the node.
-    piece : StepPiece
     tau : float
         The node.
     """

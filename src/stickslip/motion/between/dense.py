@@ -82,10 +82,8 @@ def states_at(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
-    knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to.
-    work : Scratch
     out : array, shape (times, ·)
         Receives the states in its first columns; where it has room for all rows, the directions of
         slips in a plane, too, as the series has them (a speed of −1 where there is none).

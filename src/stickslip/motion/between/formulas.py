@@ -25,7 +25,6 @@ def read_formula(system: System, text: str, where: str) -> Expr:
 
     Parameters
     ----------
-    system : System
     text : str
         Of the state, rates, unknowns of structures, outputs, forces, energies, ``t``, parameters,
         functions and drives.
@@ -41,7 +40,7 @@ def read_formula(system: System, text: str, where: str) -> Expr:
     scope, bare = declared.results, text.strip()
     if NAME.fullmatch(bare) and bare not in {*scope.names, *scope.definitions, *scope.forbidden}:
         known = [*system.followed, *sorted(declared.published), *scope.definitions]
-        reason = f"there is no '{short(bare)}'"
+        reason = f"unknown quantity '{short(bare)}'"
         raise DeclarationError(where, reason, suggestion(bare, dict.fromkeys(known)))
     return scope.parse(text, where)
 
@@ -51,9 +50,7 @@ def evaluated(formulas: Sequence[Expr], values: Mapping[str, Array | float], cou
 
     Parameters
     ----------
-    formulas : sequence of Expr
     values : mapping of str to array, shape (count,), or number
-    count : int
     """
     names = sorted({name for formula in formulas for name in formula.symbols})
     table = np.empty((len(names), count))
@@ -68,7 +65,6 @@ class Along:
 
     Parameters
     ----------
-    motion : Trajectory
     formulas : sequence of Expr
         Of names that :attr:`~stickslip.model.declaration.Declaration.results` has.
     """

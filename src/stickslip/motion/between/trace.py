@@ -44,7 +44,6 @@ def trace_rows(
     ----------
     seen : array
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
-    knots : Record
     index : array of int, shape (times,)
         Knot whose step each time belongs to; ascending, and times ascend within a step.
     wanted : array of int, shape (rows,)

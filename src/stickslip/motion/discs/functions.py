@@ -79,7 +79,6 @@ def reach_of_form(tape: DiscTape, i: int) -> float:
 
     Parameters
     ----------
-    tape : DiscTape
     i : int
         The instruction.
     """

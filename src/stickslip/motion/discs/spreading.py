@@ -181,7 +181,6 @@ def is_given(W: Array, discs: Array, row: int, speed: int, mode: int) -> bool:
 
     Parameters
     ----------
-    W, discs : arrays
     row, speed : int
         Rows of the direction, the first, and of |Au|.
     mode : int

@@ -31,7 +31,6 @@ class DiscTape(NamedTuple):
 
     Attributes
     ----------
-    program : Program
     K : array
         Constants.
     W, discs : arrays
@@ -75,7 +74,6 @@ def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float
         Values of the rows (order 0).
     discs : array, shape (rows, 4)
         Receives the numbers.
-    row : int
     ball, off, near : float
         B, S and the lower bound of the modulus.
     """

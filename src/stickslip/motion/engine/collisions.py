@@ -83,8 +83,6 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     lane : Lane
         Its rates jump, and its mode becomes a guess of the next one.
     last : float
@@ -151,7 +149,6 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space has what is closed, the velocities before, and restitution.
     at : Instant
@@ -233,8 +230,6 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         Its rates are those between the impacts meanwhile.
     """
@@ -336,8 +331,6 @@ def change_in_turn(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     before : Instant
         Before the jump; its mode is used up.
     last : float

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array, IntVector, Many
+from stickslip.arrays import Array, IntMatrix, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
@@ -24,7 +24,7 @@ from stickslip.motion.engine.events import (
     note,
     strike,
 )
-from stickslip.motion.engine.flying import fly_on
+from stickslip.motion.engine.flying import fly_on, slot_of
 from stickslip.motion.engine.impacts import is_paradox
 from stickslip.motion.modes.guards import contact_of, doubt_of, first_event, guard_at
 from stickslip.motion.modes.mode_series import keeps
@@ -106,6 +106,30 @@ class Before(NamedTuple):
 
 
 @entry_point()
+def prepare_flights(
+    machine: Machine,
+    flow: FlowOfMany,
+    flight: Flight,
+    forms: ClosedForms,
+    modes: IntMatrix,
+    regions: IntMatrix,
+) -> None:
+    """Make the closed forms of some modes, as a motion that comes to them does.
+
+    Parameters
+    ----------
+    flow : Flow
+        Constants of one group (a leading axis).
+    modes, regions : arrays of int, shapes (modes, contacts), (modes, kinks)
+        Modes are 0 or ±1.
+    """
+    for i in range(len(modes)):
+        if is_stopped(flow.space):
+            return
+        slot_of(machine, flow, 0, forms, flight, modes[i], regions[i])
+
+
+@entry_point()
 def integrate(
     machine: Machine,
     flow: FlowOfMany,
@@ -120,10 +144,8 @@ def integrate(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Constants by group of lanes with the same parameters (a leading axis).
-    flight : Flight
     forms : ClosedForms
         Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
@@ -132,7 +154,6 @@ def integrate(
         where there is a wish to stop.
     lanes : Lane
         Of all lanes (a leading axis).
-    task : Task
 
     Returns
     -------
@@ -163,11 +184,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     lane : Lane
         Is moved on.
-    task : Task
     count : int
         Steps recorded so far.
     """
@@ -299,13 +317,10 @@ def give_up(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     status : int
         What was said of the last candidate.
     lane : Lane
         Is put back where its last step has left the domain of a formula.
-    task : Task
     count : int
         Steps recorded so far.
     """
@@ -365,9 +380,6 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    lane : Lane
     h : float
         Length of the step.
     which : int
@@ -440,7 +452,6 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
     ----------
     flow : Flow
         With the series of the next step.
-    lane : Lane
     """
     rows = flow.rows
     unit = flow.space.W[rows.sizes[DIMENSION], 1]
@@ -469,7 +480,6 @@ def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
         With the series of the step, up to its end.
     lane : Lane
         At its beginning.
-    kink : int
     h : float
         Length of the step.
     """

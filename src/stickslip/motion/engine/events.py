@@ -106,11 +106,8 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
     ----------
     guard : int
         Number of the guard that has fired.
-    lane : Lane
-    rows : Rows
     leaving : array of int, shape (contacts,)
         As of :func:`stickslip.motion.modes.pivots.flip`.
-    max_events : int
     """
     clock = lane.clock
     counters = lane.counters
@@ -141,12 +138,10 @@ def strike(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space keeps the regions then.
     lane : Lane
         Its state may jump.
-    task : Task
     count : int
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.
@@ -200,8 +195,6 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     here : Instant
         Before the jump.
     due : int
@@ -235,8 +228,6 @@ def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: floa
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         After the jump; its regions are changed.
     own : int
@@ -269,7 +260,6 @@ def look_at_jumps(
     lane : Lane
         If a jump is due because something else than its guard has fired, it is as after an event
         of that guard.
-    task : Task
     count : int
         Steps recorded so far; the state before a jump that is due now is one more.
     due : int
@@ -335,11 +325,8 @@ def knock(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     lane : Lane
         Its rates may jump.
-    task : Task
     count : int
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.

@@ -59,16 +59,12 @@ def fly_on(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Constants by group (a leading axis).
     g : int
         Group of the lane.
     T : ClosedForms
         Receive those of modes that are new.
-    flight : Flight
-    lane : Lane
-    task : Task
     count : int
         Steps recorded so far.
 
@@ -158,19 +154,12 @@ def decide(
     reg = lane.reg
     drops = flow.rows.drops
     omega = flow.k.omega[g]
-    slots = slots_of(T)
     nc = len(mode)
     nk = len(reg)
     for _ in range(2 * (nk + nc) + 4):
-        key = flights.mode_key(mode, reg)
-        slot = flights.find(T.key, T.own, g * slots, T.used[g], key)
+        slot = slot_of(machine, flow, g, T, flight, mode, reg)
         if slot < 0:
-            if T.used[g] == slots:
-                return _UNDECIDED
-            slot = g * slots + T.used[g]
-            T.key[slot] = key
-            T.used[g] += 1
-            make_form(machine, flow, g, T, flight.making, slot, mode, reg)
+            return _UNDECIDED
         form = form_of(T, slot)
         if (
             form.status != AFFINE
@@ -195,6 +184,35 @@ def decide(
         flip(flow.rows, number, mode, reg, flow.space.leaving)
         let_slide(mode)
     return _UNDECIDED
+
+
+@compiled()
+def slot_of(
+    machine: Machine,
+    flow: Flow,
+    g: int,
+    T: ClosedForms,
+    flight: Flight,
+    mode: Array,
+    reg: Array,
+) -> int:
+    """The slot of the closed form of a mode, which is made if it is new; UNDECIDED if there is no
+    room.
+
+    Parameters
+    ----------
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        Modes are 0 or ±1.
+    """
+    slots = slots_of(T)
+    key = flights.mode_key(mode, reg)
+    slot = flights.find(T.key, T.own, g * slots, T.used[g], key)
+    if slot < 0 and T.used[g] < slots:
+        slot = g * slots + T.used[g]
+        T.key[slot] = key
+        T.used[g] += 1
+        make_form(machine, flow, g, T, flight.making, slot, mode, reg)
+    return int(slot)
 
 
 @compiled()

@@ -62,9 +62,6 @@ def approaching(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    here : Instant
     last : float
         Length of the last step.
     fired : int
@@ -109,9 +106,6 @@ def first_approaching(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    here : Instant
     last : float
         Length of the last step.
     going : bool
@@ -147,7 +141,6 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space receives them.
     at : Instant

@@ -64,8 +64,6 @@ def make_jump(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bo
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         Before the jump, in the regions into which its guard passes.
     j : int

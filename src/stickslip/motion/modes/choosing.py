@@ -278,7 +278,6 @@ def choose_next(
 
     Parameters
     ----------
-    rows : Rows
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned; all contacts are once no state is left.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -305,13 +304,14 @@ def choose_next(
             asked += 1 - touched[nk + c]
             touched[nk + c] = 1
         total = candidates(rows, touched, nk)
-        if asked == 0 and breaks == 1:
-            # What has broken its threshold may let others stick by its smaller force.
-            breaks = 0
-        elif asked == 0:
+        if asked == 0:
             # A contact may be so close to two modes that rounding denies it both.
             slack *= 1e2
-            breaks = 1
+            if slack > _SLACKEST and breaks == 1:
+                # What has broken its threshold may let others stick by its smaller force. It comes
+                # last: what rounding has denied to stick has broken nothing.
+                slack = 1.0
+                breaks = 0
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
         return candidate, 0, slack, breaks
@@ -338,7 +338,6 @@ def choose(
 
     Parameters
     ----------
-    rows : Rows
     candidate : int
         The number.
     touched : array of int, shape (kinks + contacts,)

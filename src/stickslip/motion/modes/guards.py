@@ -61,7 +61,6 @@ class GuardRow(NamedTuple):
     ----------
     row, shift : int
         Rows of the table of coefficients; no second one if `shift` is negative.
-    sign : float
     size, rate : float
         Scales of the rounding errors of its value, and of its rate.
     near : float
@@ -99,7 +98,6 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
         Taylor coefficients.
     row, shift : int
         Rows; no second one if `shift` is negative.
-    sign : float
     N : int
         Number of coefficients.
     powers : array
@@ -128,7 +126,6 @@ def germ(
     ----------
     W : array
         Taylor coefficients.
-    guard : GuardRow
     N : int
         Number of coefficients.
     powers : array
@@ -215,7 +212,6 @@ def stays(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the coefficients, and the powers of the step.
     mode : array of int, shape (contacts,)
@@ -312,8 +308,6 @@ def guard_in_plane(
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
     mode : array of int, shape (contacts,)
     c : int
         Its first component.
@@ -351,7 +345,6 @@ def guard_of(
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         With the coefficients, and the powers of the step.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -423,7 +416,6 @@ def just_fired(guard: GuardRow, late: float, turning: float, exact: bool) -> Gua
 
     Parameters
     ----------
-    guard : GuardRow
     late, turning : float
         As of a guard.
     exact : bool
@@ -452,7 +444,6 @@ def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
 
     Parameters
     ----------
-    rows : Rows
     settled : array of int, shape (contacts,)
         Mode before the last event.
     fired : int
@@ -485,7 +476,6 @@ def scan(
         Length of the last step.
     fired : int
         The switch that has just fired, or −1.
-    slack : float
     """
     rows = flow.rows
     space = flow.space
@@ -608,7 +598,6 @@ def guard_together(
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     g : int
         Number of the guard.

@@ -66,8 +66,6 @@ def make_series(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     lane : Lane
         Its state is put back onto the constraints of the mode.
     room, near : float
@@ -102,7 +100,6 @@ def keep_rest(rows: Rows, y: Array, start: Array) -> None:
 
     Parameters
     ----------
-    rows : Rows
     y, start : array
         State, and that from which modes are tried.
     """
@@ -121,8 +118,6 @@ def evaluate_mode(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     at : Instant
         Its state is put back, and its mode is changed where a contact that is not at rest slips.
     last, near, span : float
@@ -199,7 +194,6 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With the inverses of the mode.
     at : Instant
@@ -264,7 +258,6 @@ def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
 
     Parameters
     ----------
-    rows : Rows
     W : array
         Taylor coefficients.
     N : int
@@ -367,7 +360,6 @@ def size_of_body(rows: Rows, y: Array, promise: Array, i: int) -> tuple[float, i
 
     Parameters
     ----------
-    rows : Rows
     y, promise : arrays
         Values, and by how much they change.
     i : int

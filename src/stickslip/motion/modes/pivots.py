@@ -43,7 +43,6 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int
 
     Parameters
     ----------
-    rows : Rows
     guard : int
         Its number.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -72,7 +71,6 @@ def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Arra
 
     Parameters
     ----------
-    rows : Rows
     first : int
         The first of those that share forces.
     mode : array of int, shape (contacts,)
@@ -102,7 +100,6 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Lists the violated guards, and receives which switches are concerned.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
@@ -203,7 +200,6 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
 
     Parameters
     ----------
-    rows : Rows
     p : int
         The component.
     J : array
@@ -257,10 +253,8 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
 
     Parameters
     ----------
-    rows : Rows
     J : array
         As of :func:`loosen`.
-    space : Space
     mode : array of int, shape (contacts,)
     """
     for p in range(len(rows.parts)):

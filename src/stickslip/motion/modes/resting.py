@@ -130,7 +130,6 @@ def part_that_begins(flow: Flow, lane: Lane, status: int) -> int:
     ----------
     flow : Flow
         With the coefficients of the mode.
-    lane : Lane
     status : int
         Of that mode.
     """
@@ -189,7 +188,6 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With the values of the rows, which are used up.
     lane : Lane

@@ -208,10 +208,8 @@ def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
 
     Parameters
     ----------
-    flow : Flow
     table : array
         Values of the rows, with their sizes in the work space.
-    c : int
     """
     rows = flow.rows
     near = ROUNDING * flow.space.mag[c] if rows.beside[c] == 1 else 0.0
@@ -238,7 +236,6 @@ def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
 
     Parameters
     ----------
-    flow : Flow
     table : array
         Values of the rows.
     mode : array of int, shape (contacts,)
@@ -360,8 +357,6 @@ def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
 
     Parameters
     ----------
-    rows : Rows
-    lane : Lane
     first, c : int
         The first component of the one, and the other.
     """

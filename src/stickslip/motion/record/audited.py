@@ -15,6 +15,7 @@ from stickslip.motion.record.knots import Knots
 from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
+    from stickslip.motion.affine.forms import ClosedForms
     from stickslip.motion.audit.accounts import Accounts
     from stickslip.motion.audit.observers import Sums
     from stickslip.motion.problem import Problem
@@ -67,8 +68,6 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         Sizes of the state, against which steps are measured.
     energy : array, shape (knots,)
@@ -111,23 +110,29 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         As of :func:`audited`.
     """
+    from stickslip.motion.between.flights import known_forms
+
+    return _followed(problem, known_forms(problem, knots), _starts_and_ends(knots), seen)
+
+
+def _followed(
+    problem: Problem, forms: ClosedForms, pairs: tuple[Record, Record], seen: Array
+) -> tuple[Accounts, int, int]:
+    """The same, from starts to ends."""
     from stickslip.motion.audit.accounts import make_accounts
     from stickslip.motion.audit.flights.aloft import has_long_flights, make_aloft
     from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
     from stickslip.motion.audit.step_balance import audit_steps
 
-    forms = problem.closed_forms
-    long = has_long_flights(forms, knots.clock) and problem.has_quadratic_powers
+    starts, ends = pairs
+    long = has_long_flights(forms, ends.time - starts.time) and problem.has_quadratic_powers
 
     def measured() -> tuple[Accounts, int, int]:
-        accounts = make_accounts(len(knots.time) - 1, problem.rows)
+        accounts = make_accounts(len(ends.time), problem.rows)
         flow = problem.flow(retracing=True)
-        starts, ends = _starts_and_ends(knots)
         if not long:
             audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
             return accounts, 0, 0
@@ -172,8 +177,6 @@ def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, time
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     seen : array
         As of :func:`audited`.
     step : array of int, shape (times,)
@@ -182,14 +185,46 @@ def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, time
         In their order within a step.
     """
     from stickslip.motion.audit.work import work_until
+    from stickslip.motion.between.flights import APART, states_in_flights
+
+    work = np.zeros((len(times), 2))
+    states = np.empty((len(times), knots.state.shape[1]))
+    flown = states_in_flights(problem, knots, step, times, states, APART)
+    if np.any(flown):
+        given = step[flown], times[flown], states[flown]
+        work[flown] = _work_in_flights(problem, knots, seen, *given)
+    if np.all(flown):
+        return work
+    step, times = step[~flown], times[~flown]
 
     def measured() -> Array:
-        work = np.zeros((len(times), 2))
+        found = np.zeros((len(times), 2))
         flow = problem.flow(retracing=True)
-        work_until(problem.machine, flow, seen, knots.record, step, times, work)
-        return work
+        work_until(problem.machine, flow, seen, knots.record, step, times, found)
+        return found
 
-    return unbroken(measured)
+    work[~flown] = unbroken(measured)
+    return work
+
+
+def _work_in_flights(
+    problem: Problem, knots: Knots, seen: Array, step: Array, times: Array, states: Array
+) -> Array:
+    """The same where states at the times are known: from each to the next, as the audit measures
+    it."""
+    from stickslip.motion.steps.arrays import Record
+
+    mode, region = knots.mode[step], knots.region[step]
+    nothing = np.full(len(times), -1)
+    ends = Record(times, states, mode, region, nothing)
+    first = np.append(True, np.diff(step) > 0)
+    before = np.where(first, knots.clock[step], np.roll(times, 1))
+    left = np.where(first[:, None], knots.state[step], np.roll(states, 1, axis=0))
+    starts = Record(before, left, mode, region, nothing)
+    accounts, *_ = _followed(problem, problem.closed_forms, (starts, ends), seen)
+    total = np.cumsum(accounts.steps.work, axis=0)
+    begun = (total - accounts.steps.work)[first]
+    return total - begun[np.cumsum(first) - 1]
 
 
 def _kinetic(problem: Problem, knots: Knots) -> Array:

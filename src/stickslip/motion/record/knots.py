@@ -28,7 +28,6 @@ class Knots:
     state, mode, region, cause : arrays
         State, mode of each contact, region of each kink, and the switch that caused it (−1: none).
         A contact in mode ±2 rests, carried by others while it is at its threshold.
-    origin : float
     """
 
     clock: Array
@@ -65,7 +64,6 @@ class Knots:
             How many.
         n, contacts, kinks : int
             Numbers of components of the state, of contacts, and of kinks.
-        origin : float
         """
         return cls(
             np.zeros(size),
@@ -87,7 +85,6 @@ class Knots:
         clock : float
             Time since the origin.
         y, mode, region : array, shapes (n,), (contacts,) and (kinks,)
-        origin : float
         """
         modes, regions = mode[None].astype(np.int8), region[None].astype(np.int8)
         return cls(np.array([clock]), y[None].copy(), modes, regions, np.array([-1]), origin)

@@ -38,7 +38,6 @@ class Switches:
         That was declared.
     equations : MotionEquations
         As they were derived for the engine.
-    knots : Knots
     """
 
     def __init__(self, system: System, equations: MotionEquations, knots: Knots) -> None:

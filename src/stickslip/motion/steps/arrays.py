@@ -448,7 +448,6 @@ class Task(NamedTuple):
         After so many events they end, too.
     recording : bool
         Whether to record the steps (of a single lane).
-    record : Record
     """
 
     end: float
@@ -473,10 +472,8 @@ class Flow(NamedTuple):
 
     Attributes
     ----------
-    rows : Rows
     k : Constants
         Of one set of parameters; or of many (a leading axis).
-    space : Space
     order : int
         Of the Taylor series.
     tol, atol : float
@@ -581,7 +578,6 @@ def tape_of(flow: Flow, N: int) -> DiscTape:
 
     Parameters
     ----------
-    flow : Flow
     N : int
         Order of the polynomials that parts of the state are.
     """

@@ -42,10 +42,8 @@ def give_directions(rows: Rows, mode: Array, given: bool) -> None:
 
     Parameters
     ----------
-    rows : Rows
     mode : array of int, shape (contacts,)
         Is changed.
-    given : bool
     """
     for p in range(len(rows.planes)):
         c = rows.planes[p, LEAD]
@@ -59,7 +57,6 @@ def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
 
     Parameters
     ----------
-    rows : Rows
     W : array
         The polynomials.
     N : int
@@ -79,7 +76,6 @@ def take_direction(rows: Rows, p: int, W: Array, N: int, x: float, V: Array) -> 
 
     Parameters
     ----------
-    rows : Rows
     p : int
         The plane.
     W, N, x, V
@@ -103,7 +99,6 @@ def follow_directions(
 
     Parameters
     ----------
-    rows : Rows
     mode : array of int, shape (contacts,)
     W : array, shape (rows, N + 1)
         Taylor coefficients.

@@ -72,7 +72,6 @@ def put_pieces(rows: Rows, p: int, reg: Array, table: Array) -> bool:
 
     Parameters
     ----------
-    rows : Rows
     p : int
         The plane.
     reg : array of int, shape (kinks,)
@@ -95,10 +94,8 @@ def aim_faces(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space says which begin, and receives the directions.
-    at : Instant
     table : array
         Work space.
     """
@@ -121,9 +118,6 @@ def put_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) ->
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    at : Instant
     table : array
         Receives them.
     p : int
@@ -148,10 +142,8 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Receives them in its work space.
-    at : Instant
     table : array
         Work space.
     p : int
@@ -246,7 +238,6 @@ def place_corner(flow: Flow, f: int, n: Array) -> None:
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     n : array
@@ -311,12 +302,10 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     own : array
         Of the face; its w is changed.
-    rounded : float
     """
     w, taken, change = own[_SOLVED], own[_TAKEN], own[_CHANGE]
     equations = own[_EQUATIONS:]
@@ -393,7 +382,6 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     own : array
@@ -431,12 +419,10 @@ def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, 
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     own : array
         Of the face; receives them.
-    x, y, z, rho : float
     """
     equations = own[_EQUATIONS:]
     dissipation_at(flow, f, x, y, z)
@@ -462,7 +448,6 @@ def aim_face_order(flow: Flow, p: int, m: int) -> None:
         With bₘ, the rates of Au with order m of the direction 0.
     p : int
         The face.
-    m : int
     """
     aims = flow.space.aims
     base = AIMS * p

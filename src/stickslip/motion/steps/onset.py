@@ -91,12 +91,10 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
 
     Parameters
     ----------
-    flow : Flow
     rank : int
         Number of vectors of Z.
     way : array
         V.
-    rounded, share : float
     """
     aims, answer, span, matrix = (
         flow.space.aims,
@@ -141,17 +139,14 @@ def respond_along(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Receives b₀ and Â in its work space.
-    at : Instant
     table : array
         Work space.
     rank : int
         Number of vectors of Z.
     way : array
         u.
-    rounded : float
     slopes : bool
         As of :func:`respond_at`.
     """
@@ -206,10 +201,8 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With the response to probes.
-    at : Instant
     table : array
         Work space.
     """
@@ -329,10 +322,8 @@ def refine_face(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With one of them times some number in its work space, which stays.
-    at : Instant
     table : array
         Work space.
     rank : int
@@ -383,7 +374,6 @@ def begin_along(flow: Flow, rank: int, way: Array, beta: float, leading: float) 
 
     Parameters
     ----------
-    flow : Flow
     rank : int
         Number of vectors of Z.
     way : array
@@ -418,10 +408,8 @@ def refine_aim(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With v₀ times some number in its work space.
-    at : Instant
     table : array
         Work space.
     rank : int
@@ -478,13 +466,10 @@ def border(matrix: Array, rank: int, sides: Array, first: int, number: int, beta
 
     Parameters
     ----------
-    matrix : array
-    rank : int
     sides : array
         The rows, such as V.
     first, number : int
         The first of them, and how many they are.
-    beta : float
     """
     for r in range(rank):
         matrix[r, r] -= beta
@@ -501,7 +486,6 @@ def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
 
     Parameters
     ----------
-    flow : Flow
     rank : int
         Number of vectors of Z.
     p, m : int
@@ -546,7 +530,6 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
         With order m + p of Au, which is changed; lower orders are done.
     rank : int
         Number of vectors of Z.
-    m : int
     """
     aims, onset, span = flow.space.aims, flow.space.onset, flow.space.span
     n = 2 * len(flow.rows.planes)
@@ -588,7 +571,6 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         With bₘ, the rates of Au with order m of the directions 0, and order m + p of Au.
     rank : int
         Number of vectors of Z.
-    m : int
     """
     rows = flow.rows
     aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn

@@ -153,11 +153,8 @@ def solve_stages(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     stages : Stages
         With the rate at the beginning; receives the states.
-    start : Instant
     step : float
         H.
     seen : array
@@ -253,11 +250,8 @@ def visit(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     stages : Stages
         With the states; receives residuals and, where `fresh`, derivatives.
-    start : Instant
     step : float
         H.
     seen : array
@@ -306,7 +300,6 @@ def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh:
 
     Parameters
     ----------
-    flow : Flow
     stages : Stages
         Receives residuals, rows of the matrix, and values.
     y : array, shape (n,)
@@ -355,7 +348,6 @@ def compare(
 
     Parameters
     ----------
-    flow : Flow
     stages : Stages
         Receives part of a column of the matrix, and what rounding errors make.
     i, c : int

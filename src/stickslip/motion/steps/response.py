@@ -112,10 +112,8 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Receives the response in its work space, (Au)₁ in place of the right-hand sides of order 0.
-    at : Instant
     table : array
         Work space.
     """
@@ -173,10 +171,8 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With directions, whose orders above 0 are 0; receives b and Â in its work space.
-    at : Instant
     table : array
         Work space.
     slopes : bool
@@ -252,7 +248,6 @@ def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
 
     Parameters
     ----------
-    flow : Flow
     rank : int
         Number of vectors of Z.
     row, m : int
@@ -274,12 +269,10 @@ def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array
 
     Parameters
     ----------
-    flow : Flow
     rank : int
         Number of vectors of Z.
     row, m : int
         The first row, and the order.
-    factor : float
     out : array
         Is added to.
     """

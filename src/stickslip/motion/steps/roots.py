@@ -52,7 +52,6 @@ def horner_at_nodes(C: Array, d: int, x: Array, values: Array) -> None:
     Parameters
     ----------
     C : array, shape (at least rows, more than d)
-    d : int
     x : array, shape (places,)
     values : array, shape (rows, places)
         Receives them.
@@ -261,7 +260,6 @@ def divide_out(c: Array, order: int, N: int) -> None:
         N coefficients; receives the N − order ones of the quotient.
     order : int
         The first of the coefficients that is not zero, up to rounding.
-    N : int
     """
     if order == 1 and c[0] != 0.0:
         bends = 0.0

@@ -211,7 +211,6 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     x, y, z : float
@@ -248,7 +247,6 @@ def dissipation_at(flow: Flow, f: int, x: float, y: float, z: float) -> float:
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     x, y, z : float
@@ -281,7 +279,6 @@ def support_at(flow: Flow, c: int, w: Array) -> float:
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     w : array, shape (3,)
@@ -300,7 +297,6 @@ def inner_force(flow: Flow, c: int, radius: float, w: Array) -> Array:
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     radius : float
@@ -335,7 +331,6 @@ def inner_bend(
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     w : array, shape (3,)
@@ -365,10 +360,8 @@ def inner_bend_along(
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
-    x, y, z : float
     small : float
         1 if a small vector of this direction is meant.
     """
@@ -393,7 +386,6 @@ def force_outside(flow: Flow, c: int, radius: float, a: float, b: float) -> floa
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     radius : float
@@ -424,12 +416,10 @@ def over_at(flow: Flow, f: int, radius: float, a: float, b: float, angle: float)
 
     Parameters
     ----------
-    flow : Flow
     f : int
         Number of the formula.
     radius, a, b : float
         Of the set, and the force.
-    angle : float
     """
     x, y = math.cos(angle), math.sin(angle)
     return float(a * x + b * y - radius * flow.space.supported[find_support(flow, f, x, y, 0.0)])
@@ -445,7 +435,6 @@ def largest_over(
     ----------
     flow, f, radius, a, b
         As of :func:`over_at`.
-    angle, width : float
     """
     low, high = angle - width, angle + width
     most = over_at(flow, f, radius, a, b, angle)
@@ -477,7 +466,6 @@ def holds_all(flow: Flow, c: int, radius: float, a: float, b: float) -> bool:
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     radius : float
@@ -501,7 +489,6 @@ def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float,
 
     Parameters
     ----------
-    flow : Flow
     c : int
         The contact, by its first direction.
     radius : float

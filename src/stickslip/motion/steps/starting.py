@@ -90,9 +90,6 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    at : Instant
     order : int
         Up to which they are made.
     table : array
@@ -148,7 +145,6 @@ def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
         Says which are filled in.
     table : array
@@ -194,7 +190,6 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
 
     Parameters
     ----------
-    rows : Rows
     plane : array of int
         Its row of `Rows.planes`.
     table : array
@@ -254,11 +249,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Its work space says which slips begin.
-    at : Instant
-    order : int
     table : array
         Receives the coefficients.
     """
@@ -363,7 +355,6 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
 
     Parameters
     ----------
-    flow : Flow
     p : int
         The plane.
     part : int
@@ -429,11 +420,9 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         With the response without it, and first directions; receives the directions, and the
         response to changes of them.
-    at : Instant
     table : array
         Work space.
     """
@@ -477,13 +466,10 @@ def rate_towards(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Receives the direction in its work space.
-    at : Instant
     table : array
         Work space.
-    p : int
     angle : float
         Of the direction.
     """
@@ -544,7 +530,6 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
     ----------
     a, b, c : float
         Entries of D.
-    x, y : float
 
     Returns
     -------
@@ -592,7 +577,6 @@ def aim_order(flow: Flow, m: int) -> None:
     ----------
     flow : Flow
         With bₘ, the rates of Au with order m of the directions 0.
-    m : int
     """
     aims = flow.space.aims
     answer = flow.space.answer

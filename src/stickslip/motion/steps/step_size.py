@@ -152,7 +152,6 @@ def is_silent(rows: Rows, W: Array, r: int) -> bool:
 
     Parameters
     ----------
-    rows : Rows
     W : array
         Values of the rows.
     r : int
@@ -308,9 +307,6 @@ def expand(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    start : Instant
     room, last : float
         Longest step that is wanted, and length of the piece before (0: it is the first).
     seen : array
@@ -378,7 +374,6 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
 
     Parameters
     ----------
-    flow : Flow
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         The step, for which the series in the work space are good.
@@ -418,7 +413,6 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     h : float
         The step, for which the series in the work space are good.
@@ -481,7 +475,6 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array, narrow: b
 
     Parameters
     ----------
-    flow : Flow
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         Length of the step.
@@ -504,7 +497,6 @@ def unseen_within(
 
     Parameters
     ----------
-    flow : Flow
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         Length of the step.

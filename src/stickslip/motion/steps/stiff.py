@@ -119,7 +119,6 @@ def swings(W: Array, n: int, h: float, step: float, tol: float, atol: float, see
     ----------
     W, n, h, tol, atol, seen
         As of :func:`calm`.
-    step : float
     """
     x = h / W[n, 1]
     for r in range(n):
@@ -168,7 +167,6 @@ def follow_mode(
 
     Parameters
     ----------
-    start : Instant
     room, last : float
         Most that is wanted, and the length of the piece before (0: it is the first).
     seen : array
@@ -220,7 +218,6 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     ----------
     flow : Flow
         With the series in its work space, and the finer tolerances of :func:`follow_mode`.
-    start : Instant
     room : float
         What is left of the step.
     seen : array
@@ -313,8 +310,6 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
 
     Parameters
     ----------
-    flow : Flow
-    start : Instant
     h, step : float
         How long a series is good for, and length of the polynomial.
     seen : array

@@ -18,7 +18,6 @@ def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
     ----------
     n : int
         Number of components.
-    basis : array
     rank : int
         Number of vectors.
     least : float
@@ -86,14 +85,11 @@ def direction_and_turn(
     ----------
     x, y : float
         The vector.
-    rounded : float
 
     Returns
     -------
-    n : pair of float
     derivative : three floats
         Its entries xx, yy and xy, which do not cancel where u is large.
-    root : float
     """
     root = math.sqrt(x * x + y * y + rounded * rounded)
     x, y = x / root, y / root

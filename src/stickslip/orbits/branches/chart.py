@@ -60,7 +60,6 @@ class Extent:
 
     Attributes
     ----------
-    low, high : float
     modulus : array, shape (n,)
         Size of each component of the state.
     period : float
@@ -120,7 +119,6 @@ class Chart:
     ----------
     shooting : Shooting
         With a free parameter.
-    extent : Extent
     candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
@@ -249,9 +247,9 @@ class Chart:
             k = leg.motion.knots
             a = segments(leg.motion)[0][0]
             if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
-                raise OutOfChart("the cycle starts in another mode than its chart")
+                raise OutOfChart("the cycle starts in a different mode from its chart")
         if shooting.miss(orbit) > NOT_CLOSED:
-            raise OutOfChart("the cycle ends in another mode than it starts in")
+            raise OutOfChart("the cycle ends in a different mode from its start")
         if np.max(np.abs(orbit.x[: shooting.time]), initial=0.0) > _FAR:
             raise Outgrown("the cycle has left its chart")
         if shooting.symmetry.frame is not None:
@@ -263,7 +261,7 @@ class Chart:
             )
             motion = station.chart @ rate
             if not shooting.fixed[0] @ motion >= _SLANTED * np.linalg.norm(motion):
-                raise Outgrown("the motion runs along its section")
+                raise Outgrown("the motion is tangent to its section")
 
 
 def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:

@@ -80,7 +80,6 @@ class BeyondCorner:
 
         Parameters
         ----------
-        corner : array
         on_edge : bool
             Whether a contact is carried along on the other side.
         """
@@ -91,7 +90,7 @@ class BeyondCorner:
         off = float(np.linalg.norm(chord - (along @ chord) * along))
         limit, note = SOLVED_TO, "in units of the cycle"
         if on_edge or self.chart.on_edge:
-            limit, note = _HELD_TO, f"{note}; what is carried along is held just inside its edge"
+            limit, note = _HELD_TO, f"{note}; the carried contact is held just inside its edge"
         return Residual("gap between the sides", off, limit, note=note)
 
 
@@ -158,7 +157,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         onward = _along_the_edge(there, y, towards, edge)
         kind = "slip onset"
         name = contacts[edge[0]]
-        note = f"contact '{name}' begins to slip one way, which carries along where it rests"
+        note = f"contact '{name}' begins to slip in one direction, which shifts its rest position"
     else:
         kind, note = change_of(contacts, here, after)
         onward = None if is_open(after) else _onward(there, y, towards, trial, here)
@@ -249,7 +248,7 @@ def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:
         If it is further than what is too short to count can hide.
     """
     if abs(length) > HIDDEN:
-        raise Lost("the sides do not meet")
+        raise Lost("the branches on both sides do not meet")
     # Period and parameter have the same units in both charts.
     parts = [float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in rays]
     lengths = length * parts[1] / max(parts[0], 1e-300), length

@@ -131,31 +131,32 @@ def continue_cycle(
     parameter : str
         The parameter that changes.
     span : (float, float)
-        Its range, with the cycle's own value inside.
+        Its range, which contains the value of the cycle.
     steps : Steps, optional
     time_limit : float, optional
-        Seconds of wall-clock time after which the branch ends as it is.
+        Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional
-        Called with every new point (``.side``, ``.values``). By default there is a bar.
+        Called with every new point (``.side``, ``.values``). By default a progress bar is shown.
 
     Returns
     -------
     Branch
-        Both ways from the cycle, through folds and changes of the sequence. ``special`` has the
-        kinds
+        In both directions from the cycle, through folds and changes of the sequence. ``special``
+        has the kinds
 
-        - ``"fold"`` (noted as not smooth at a corner of the branch), ``"period doubling"``,
+        - ``"fold"`` (with a note at a corner of the branch), ``"period doubling"``,
           ``"torus"``, ``"branch point"``;
-        - ``"stick onset"`` (a contact begins to stick, or no longer does), ``"grazing"`` (a phase
+        - ``"stick onset"`` (a contact begins or ceases to stick), ``"grazing"`` (a phase
           appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
-          there on sticks throughout and rests where it did there), ``"sequence change"`` (any
-          other), ``"loss of the cycle"`` (it ends at a change);
+          then on sticks throughout at a constant position), ``"sequence change"`` (any other),
+          ``"loss of the cycle"`` (it ends at a change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 
-        Of driven systems ``time`` says when the state is passed.
+        For driven systems ``time`` is the time of the state.
 
-    Every point is a certified cycle within the range; what is not certified is not on the branch.
+    Every point is a certified cycle within the range; cycles that are not certified are not part of
+    the branch.
 
     Raises
     ------
@@ -164,17 +165,19 @@ def continue_cycle(
     """
     if not isinstance(cycle, Cycle):
         raise DeclarationError(
-            "cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use find_cycle"
+            "cycle", f"expected a Cycle, got {type(cycle).__name__}", "Use a cycle from find_cycle"
         )
     if not cycle.certificate.ok:
         raise DeclarationError(
-            "cycle", f"it is {cycle.certificate.verdict}", "Start from a certified cycle"
+            "cycle", f"the cycle is {cycle.certificate.verdict}", "Start from a certified cycle"
         )
     low, high = checked_range(cycle.system, parameter, span)
     value = cycle.parameters[parameter]
     if not low <= value <= high:
         raise DeclarationError(
-            "cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it"
+            "cycle",
+            f"the cycle is at {parameter} = {value:g}, outside ({low:g}, {high:g})",
+            "Choose a range that includes this value",
         )
     with (
         limited(time_limit, f"a branch of {cycle.system.name}"),
@@ -212,7 +215,7 @@ class _Follower:
         towards = np.zeros(len(x))
         towards[-1] = sign
         start = self._start(chart, x, towards, self.steps.first)
-        return stations, follow_branch(start, onward, "no cycle was found further on", found)
+        return stations, follow_branch(start, onward, "no further cycle was found", found)
 
     def _values(self, cycle: Cycle) -> dict[str, float]:
         """What is known of a cycle at once."""
@@ -245,8 +248,8 @@ class _Follower:
                 if self._was_here(stations, bent):
                     return Ending(
                         Stop.LOST,
-                        f"it comes back to {where}, where it was before, and would go round for "
-                        "ever: of the corners on the way one leads elsewhere",
+                        f"the branch returns to {where} and would repeat without end; one of its "
+                        "corners has another continuation",
                     )
                 beyond = self._around(stations, chart, bent)
                 if beyond is None:
@@ -308,8 +311,6 @@ class _Follower:
 
         Parameters
         ----------
-        stations : list of _Station
-        chart : Chart
         carried : float
             What is left there of the way by which they are.
         """
@@ -317,7 +318,7 @@ class _Follower:
         for held in chart.shooting.setting.held:
             if held.edge:
                 name = names[held.contact]
-                note = f"contact '{name}' is carried along no more and rests where it is"
+                note = f"contact '{name}' is no longer carried along and stays at its rest position"
                 left = Residual("rate at which it is carried", abs(carried), SOLVED_TO)
                 what = Happening("slip onset", note, (left,))
                 self._add(stations, stations[-1].cycle, [what])
@@ -394,10 +395,10 @@ class _Follower:
         """What happens where a test function vanishes that ends the branch."""
         cycle = stations[-1].cycle
         if name == "period":
-            return f"the period grows without bound, it is {cycle.period:.6g}"
+            return f"the period grows without bound; it has reached {cycle.period:.6g}"
         if name == "growth":
             grown = self._amplitude(cycle)
-            return f"the cycle grows without bound, to {grown:.3g} times the state at the start"
+            return f"the cycle grows without bound, to {grown:.3g} times the initial state"
         smooth = len(cycle.phases) == 1
         if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
             # What drives it vanishes, and the cycle in proportion.
@@ -444,7 +445,7 @@ class _Follower:
             return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
         found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
-        note = "the cycle becomes one of half its period"
+        note = "the cycle becomes a cycle of half its period"
         left = [("change by the next term of the extrapolation", known)]
         what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))
         if found is not None:

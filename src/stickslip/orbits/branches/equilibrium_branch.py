@@ -92,31 +92,31 @@ def continue_equilibrium(
     span : (float, float)
         Its range.
     start : Equilibrium or mapping of str to float, optional
-        Where the branch starts, with the parameters it was found at; or a state near an
-        equilibrium. By default the first isolated equilibrium at the value in `parameters`, or at
-        the middle or an end of the range.
+        Start of the branch, with its parameters; or a state near an equilibrium. By default the
+        first isolated equilibrium at the value in `parameters`, or at the middle or an end of the
+        range.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     steps : Steps, optional
     time_limit : float, optional
-        Seconds of wall-clock time after which the branch ends as it is.
+        Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional
-        Called with every new point (``.side``, ``.values``). By default there is a bar.
+        Called with every new point (``.side``, ``.values``). By default a progress bar is shown.
 
     Returns
     -------
     Branch
-        Both ways from the start, through folds and through changes of the mode. ``special`` has the
-        kinds ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov
-        coefficient, see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"``
-        and ``"boundary equilibrium"``.
+        In both directions from the start, through folds and mode changes. ``special`` has the kinds
+        ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov coefficient,
+        see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"`` and
+        ``"boundary equilibrium"``.
 
     Raises
     ------
     DeclarationError
         If an argument is wrong, or the system depends on time.
     ConvergenceError
-        If there is no isolated equilibrium to start from.
+        If no isolated equilibrium is found as a start.
     """
     equations = autonomous(system)
     values = checked_values(system, parameters)
@@ -166,9 +166,9 @@ def _start(
         if not low <= start.parameters[parameter] <= high:
             raise DeclarationError(
                 "start",
-                f"it was found at {parameter} = {start.parameters[parameter]:g}, outside ({low:g}, "
-                f"{high:g})",
-                "Start inside the range",
+                f"the start is at {parameter} = {start.parameters[parameter]:g}, outside "
+                f"({low:g}, {high:g})",
+                "Choose a start in the range, or another range",
             )
         return start
     if start is not None:
@@ -187,12 +187,12 @@ def _start(
         why = (
             "only sets of equilibria in stick"
             if found.sets
-            else found.nearest or "nothing came near"
+            else found.nearest or "no candidate came close"
         )
         tried[f"{parameter} = {value:g}"] = why
     raise ConvergenceError(
         f"equilibria of {system.name}",
-        "there is no isolated equilibrium to start from; "
+        "no isolated equilibrium was found as a start; "
         + "; ".join(f"{at}: {why}" for at, why in tried.items()),
         "Choose another range, or give a start",
     )
@@ -278,7 +278,7 @@ class _Follower:
         towards = np.append(np.zeros(len(x) - 1), sign)
         start = self._start(steady, x, towards if self.tangent is None else -self.tangent)
         found = named_points(tell, sign, (*first.state, self.parameter))
-        ending = follow_branch(start, onward, "no equilibrium was found further on", found)
+        ending = follow_branch(start, onward, "no further equilibrium was found", found)
         if not pieces:
             raise StickslipError(ending.text)
         self.tangent = pieces[0].path.points[0].tangent
@@ -461,9 +461,9 @@ class _Follower:
             return ""
         text = describe_guard(self.eq, guard, piece.steady.field.mode)
         if not onward:
-            return f"{text}; no equilibrium goes on from there"
+            return f"{text}; no equilibrium continues from there"
         turned = piece.path.points[-1].tangent[-1] * onward[0].path.points[0].tangent[-1] < 0.0
-        return f"{text}; the branch " + ("turns back" if turned else "goes on")
+        return f"{text}; the branch " + ("turns back" if turned else "continues")
 
     def _special(self, station: _Station, test: Test, index: int) -> list[SpecialPoint]:
         """What a zero of a test function is; nothing, if its meaning is another."""

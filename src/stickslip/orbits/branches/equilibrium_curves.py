@@ -86,11 +86,11 @@ def hopf_curve(
     Returns
     -------
     Branch
-        With ``frequency`` and ``lyapunov`` at every point; how fast the rate of growth of the
-        oscillation rises with each parameter, ``growth_V``, so that the equilibrium is stable where
-        it falls; and ``unstable_others``, how many other eigenvalues are unstable. Special points:
-        ``"Bautin"`` (the first Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency
-        does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
+        With ``frequency`` and ``lyapunov`` at every point; the derivative of the growth rate of the
+        oscillation with respect to each parameter, ``growth_V``, so that the equilibrium is stable
+        on the side of decreasing growth; and ``unstable_others``, how many other eigenvalues are
+        unstable. Special points: ``"Bautin"`` (the first Lyapunov coefficient vanishes),
+        ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Raises
     ------
@@ -143,11 +143,11 @@ def fold_curve(
         raise DeclarationError(
             "point",
             "it is a fold of cycles" + (", where the sequence of modes changes" if begins else ""),
-            "This follows folds of equilibria; "
+            "This function follows folds of equilibria; "
             + (
                 "follow the stick onset at the same value with stick_onset_curve"
                 if begins
-                else "see continue_cycle"
+                else "use continue_cycle"
             ),
         )
     curve = _posed(system, "fold", point, (first, second), ranges)
@@ -169,18 +169,26 @@ def _posed(
             if isinstance(point, SpecialPoint)
             else repr(point)
         )
-        raise DeclarationError("point", f"it is {given}", f"Give a special point of kind '{kind}'")
+        raise DeclarationError(
+            "point",
+            f"expected a special point of kind '{kind}', got {given}",
+            "Use one of branch.special",
+        )
     values = checked_values(system, point.parameters)
     if names[0] == names[1]:
-        raise DeclarationError(names[1], "the two parameters are the same", "Name two")
+        raise DeclarationError(
+            names[1], "the two parameters are the same", "Give two different parameters"
+        )
     spans = {}
     for name in names:
         if name not in ranges:
-            raise DeclarationError(f"ranges.{name}", "it is missing", "Give (low, high)")
+            raise DeclarationError(f"ranges.{name}", "the range is missing", "Give (low, high)")
         spans[name] = checked_range(system, name, ranges[name])
         if not spans[name][0] <= values[name] <= spans[name][1]:
             raise DeclarationError(
-                f"ranges.{name}", f"the point lies at {name} = {values[name]:g}", "Include it"
+                f"ranges.{name}",
+                f"the point lies at {name} = {values[name]:g}",
+                "Choose a range that includes it",
             )
     y = np.array([point.state[name] for name in system.declaration.state])
     steady = Steady(
@@ -283,7 +291,7 @@ class _Curve:
 
             before = len(paths)
             start = Start(problem, self._problem(problem), problem.start, along, steps)
-            ending = follow_branch(start, onward, "no point was found further on")
+            ending = follow_branch(start, onward, "no further point was found")
             if len(paths) == before:
                 raise StickslipError(ending.text)
             return paths[before:], ending

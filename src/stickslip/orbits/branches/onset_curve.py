@@ -59,7 +59,7 @@ _DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
 _SLIPPING = 1e-9
 _AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
 _VANISHES = "the cycle shrinks to an equilibrium"
-_LOST = "no onset was found further on"
+_LOST = "no further onset was found"
 
 
 @validated
@@ -95,7 +95,7 @@ def stick_onset_curve(
     DeclarationError
         If an argument is wrong.
     ConvergenceError
-        If no cycle that begins to stick is found at the point.
+        If no cycle with an onset of stick is found at the point.
     """
     if not isinstance(point, SpecialPoint) or point.kind != "stick onset" or point.period is None:
         given = (
@@ -104,20 +104,24 @@ def stick_onset_curve(
             else repr(point)
         )
         raise DeclarationError(
-            "point", f"it is {given}", "Give a special point of kind 'stick onset'"
+            "point",
+            f"expected a special point of kind 'stick onset', got {given}",
+            "Use one of branch.special",
         )
     if first == second:
-        raise DeclarationError(second, "the two parameters are the same", "Name two")
+        raise DeclarationError(
+            second, "the two parameters are the same", "Give two different parameters"
+        )
     spans = {}
     for name in (first, second):
         if name not in ranges:
-            raise DeclarationError(f"ranges.{name}", "it is missing", "Give (low, high)")
+            raise DeclarationError(f"ranges.{name}", "the range is missing", "Give (low, high)")
         low, high = spans[name] = checked_range(system, name, ranges[name])
         if not low <= point.parameters[name] <= high:
             raise DeclarationError(
                 f"ranges.{name}",
                 f"the point lies at {name} = {point.parameters[name]:g}",
-                "Include it",
+                "Choose a range that includes it",
             )
     closed = _cycle_at(system, point)
     onset = nearest_onset(closed.orbit.motion, closed.shooting.pieces)
@@ -125,7 +129,7 @@ def stick_onset_curve(
     if not abs(margin) < _AT_ONSET:
         raise ConvergenceError(
             f"the onset of stick of {system.name}",
-            f"the cycle at the point is {abs(margin):.2g} of its size away from it",
+            f"the distance of the cycle from the stick onset is {abs(margin):.2g} of its size",
             "Give a stick onset of a branch of this system",
         )
     return _Follower(closed, onset, spans, steps or _STEPS).branch()
@@ -159,8 +163,6 @@ class _Equations:
     ----------
     chart : Chart
         Of cycles, with the first parameter free.
-    onset : Onset
-    second : str
     width : float
         Unit of the second parameter.
     upper : array, shape (2,)

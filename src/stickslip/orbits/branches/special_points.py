@@ -37,7 +37,7 @@ _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
 HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short to count
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
-_APART = "the cycles on both sides of a change of the sequence do not meet"
+_APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
@@ -52,16 +52,16 @@ _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
 _STEP = {
-    "long_name": "distance from the point before: the largest change of parameter, period and "
-    "ranges, relative to the branch's own"
+    "long_name": "distance from the previous point: largest change of parameter, period and "
+    "ranges, relative to those of the branch"
 }
 _MEANINGS = {
     "period": "period",
     "stick_time": "time in which all contacts stick",
     "slip_time": "time in which a contact slips",
-    "dissipated": "energy dissipated in a period",
-    "supplied": "energy supplied in a period",
-    "drift": "shift in a period",
+    "dissipated": "energy dissipated per period",
+    "supplied": "energy supplied per period",
+    "drift": "shift per period",
     "energy_per_distance": "mean friction (energy per distance)",
 }
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
@@ -365,10 +365,8 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
 
     Parameters
     ----------
-    chart : Chart
     x : array
         The unknowns there.
-    kind : str
     off : float
         What is left of what vanishes there, or the distance between motions that enclose it.
     """
@@ -377,7 +375,7 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
         onset = nearest_onset(motion, pieces)
         margin = onset.margin(motion, pieces)
         if math.isfinite(margin):
-            name = "force at the reversal" if onset.reverses else "least slip speed"
+            name = "force at the reversal" if onset.reverses else "smallest slip speed"
             return (Residual(name, abs(margin), SOLVED_TO, note="of the largest"),)
     return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
 
@@ -394,7 +392,6 @@ def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happen
 
     Parameters
     ----------
-    crossing : Crossing
     slope : float
         Change of the parameter along the branch, both in units of the unknowns.
     multipliers : array
@@ -440,7 +437,6 @@ class Spacing:
 
     Parameters
     ----------
-    spans : mapping of str to (float, float)
     modulus : array, shape (n,)
         Size of each component of the state.
     """
@@ -473,7 +469,7 @@ class Spacing:
         if not new.certificate.ok:
             raise Lost(f"the next cycle is {new.certificate.verdict}")
         if not self(last, new) <= APART:
-            raise Lost("the next cycle is quite another one")
+            raise Lost("the next cycle is a different one")
 
 
 def of_branch(
@@ -484,7 +480,6 @@ def of_branch(
 
     Parameters
     ----------
-    cycles : list of Cycle
     spans : mapping of str to (float, float)
         The range of each parameter.
     steps : array
@@ -588,10 +583,12 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
             data[f"peak_force_{key}"] = column("", peaks, **force)
     for name in cycles[0].contacts:
         key = contact_key(name)
-        times = ["stick_time", *(["open_time"] if name in system.unilateral else [])]
-        for part in times:
+        times = {"stick_time": f"time in which {name} sticks"}
+        if name in system.unilateral:
+            times["open_time"] = f"time in which {name} is open"
+        for part, said in times.items():
             lasted = (getattr(c.contacts[name], part) for c in cycles)
-            data[f"{part}_{key}"] = column("", lasted, units=time)
+            data[f"{part}_{key}"] = column("", lasted, units=time, long_name=said)
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})
 
 

@@ -159,7 +159,6 @@ def correct_at(
         x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
     guess, scale : array, shape (n,)
         Where to start, and units of the unknowns.
-    component : int
     value : float
         What this component is.
     tolerance : float
@@ -191,10 +190,8 @@ def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float
 
     Parameters
     ----------
-    a, b : Point
     scale, tangent : array, shape (n,)
         Units of the unknowns, and the direction in these units.
-    along : float
 
     Returns
     -------
@@ -289,7 +286,7 @@ def trace(
         tangent, orientation = direction(equations, x, scale(x), towards)
     except (Lost, *NOT_DEFINED) as problem:
         raise StickslipError(
-            f"there is no solution near the start of the curve ({problem})"
+            f"no solution was found near the start of the curve ({problem})"
         ) from None
     path = Path([tracer.point(x, tangent, orientation, 0.0, scale(x))])
     ended = None
@@ -338,10 +335,8 @@ class _Tracer:
 
         Parameters
         ----------
-        x : array
         tangent : array
             In units of the unknowns.
-        orientation, length : float
         units : array
         """
         tangent = tangent * units
@@ -415,9 +410,9 @@ class _Tracer:
             except Outgrown as problem:
                 if len(path.points) > 1:
                     return Ending(Stop.LIMIT, str(problem)), step
-                failure = f"no solution was found further on ({problem})"
+                failure = f"no further solution was found ({problem})"
             except (Lost, *NOT_DEFINED) as problem:
-                failure = f"no solution was found further on ({problem})"
+                failure = f"no further solution was found ({problem})"
             step *= 0.5
         for name, point, sides in happened:
             if point is not path.points[-1]:

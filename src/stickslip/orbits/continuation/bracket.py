@@ -26,7 +26,6 @@ def zero_between(
     ----------
     function : callable
         May raise; that is passed on.
-    a, b : float
     at_a, at_b : float
         What it is there.
     """

@@ -34,7 +34,7 @@ _UNMEASURED = Residual("equations that were not measured", 1.0, 0.0)
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """Where something happens on a branch.
+    """A special point of a branch.
 
     Attributes
     ----------
@@ -50,15 +50,15 @@ class SpecialPoint:
     mode, region : tuple of int
         Mode of each contact and region of each kink (of a cycle: where it starts).
     index : int
-        Its number among the points of the branch.
+        Index among the points of the branch.
     period : float or None
-        Of a cycle; of a Hopf point the period of the cycles that are born there.
+        Period of a cycle; for a Hopf point, the period of the emanating cycles.
     data : dict of str to float
         Numbers that belong to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
     note : str
         In words: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
     residuals : tuple of Residual
-        What is left of the equations that define a point of its kind.
+        Residuals of the equations that define a point of this kind.
     """
 
     kind: str
@@ -76,7 +76,7 @@ class SpecialPoint:
 
     @property
     def certificate(self) -> Certificate:
-        """Whether it is where it is said to be."""
+        """Residuals of the equations at the point."""
         return Certificate(self.residuals or (_UNMEASURED,))
 
     def __repr__(self) -> str:
@@ -105,9 +105,9 @@ class Branch(Result):
     special : list of SpecialPoint
         In the same order.
     ends : (Ending, Ending)
-        Why it ends, at its first and at its last point.
+        Reasons for the ends of the curve, at its first and last points.
     certificate : Certificate
-        Every residual of its points, and of its special points, where it is worst.
+        The largest value of every residual over its points and special points.
     second : str
         The other parameter of a curve in two parameters.
     """
@@ -140,12 +140,12 @@ class Branch(Result):
 
     @property
     def ended(self) -> str:
-        """Why it ends at its first and at its last point, in words."""
+        """Reasons for the ends at the first and last points."""
         return f"first point: {self.ends[0].text}; last point: {self.ends[1].text}"
 
     @property
     def complete(self) -> bool:
-        """Whether it was followed to both ends."""
+        """Whether the branch was followed to both ends."""
         return not any(end.stop in BROKEN_OFF for end in self.ends)
 
     @validated
@@ -162,7 +162,7 @@ class Branch(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a branch."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -172,7 +172,7 @@ class Branch(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether it was followed to both ends."""
+        """Whether the branch was followed to both ends."""
         if self.complete:
             return Completion.FINISHED
         late = any(end.stop is Stop.TIME_UP for end in self.ends)
@@ -180,11 +180,11 @@ class Branch(Result):
 
     @property
     def message(self) -> str:
-        """Why it ends where it does, and what is special on it, line by line."""
+        """Reasons for the ends of the branch, and its special points, line by line."""
         return "\n".join([*(s.describe() for s in self.special), self.ended])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         values = self.points[self.parameter].values
         return {
             **self.system.heading(),
@@ -196,7 +196,7 @@ class Branch(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         values = self.points[self.parameter].values
         span = f"{self.parameter} = {values.min():.9g} to {values.max():.9g}"
         special = [("special point", s.describe()) for s in self.special]
@@ -244,7 +244,7 @@ class Branch(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A branch as it was."""
+        """Restore a stored branch."""
         from stickslip.model.system_file import loads
 
         first, last = (

@@ -53,9 +53,6 @@ class CurveProblem:
 
     Attributes
     ----------
-    equations, scale, tests : functions
-    endings : mapping of str or int to str
-    limits : mapping of str to Limit
     accept, breaks : function, optional
     """
 
@@ -76,9 +73,7 @@ class Start(Generic[_T]):
     ----------
     of : object
         What the stretch is one of: a mode, or coordinates.
-    problem : Problem
     x, towards : arrays, shape (n + 1,)
-    steps : Steps
     """
 
     of: _T
@@ -150,7 +145,6 @@ def follow_branch(
 
     Parameters
     ----------
-    start : Start
     onward : function
         May raise any of :data:`~stickslip.orbits.continuation.arclength.NOT_DEFINED`.
     lost : str

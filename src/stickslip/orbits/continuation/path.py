@@ -84,15 +84,15 @@ class StepControl:
     first, smallest, largest : float
         Lengths of steps, in the caller's units.
     tolerance : float
-        Length of the last Newton correction.
+        Tolerance of the last Newton correction.
     rounding : float
-        A correction that would be shorter than this is not made.
+        Corrections shorter than this are not applied.
     left : float
-        What may be left of the equations, if further corrections make it smaller.
+        Admissible residual of the equations, if further corrections reduce it.
     turn : float
         Largest angle between the tangents at the ends of a step, in radians.
     most : int
-        Largest number of points.
+        Maximum number of points.
     """
 
     first: float = 0.01
@@ -108,11 +108,11 @@ class StepControl:
         check_fields(self)
         for name in ("first", "smallest", "largest", "tolerance", "turn", "most"):
             if not 0.0 < getattr(self, name) < math.inf:
-                reason = f"{getattr(self, name)} is not positive and finite"
+                reason = f"{getattr(self, name)} is not a positive, finite number"
                 raise DeclarationError(f"steps.{name}", reason, "Give a positive number")
         if self.smallest > self.largest:
-            reason = f"{self.smallest} is above the largest step, {self.largest}"
-            raise DeclarationError("steps.smallest", reason, "Give a smaller one")
+            reason = f"the smallest step, {self.smallest}, exceeds the largest, {self.largest}"
+            raise DeclarationError("steps.smallest", reason, "Reduce it")
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,7 @@ _NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 @dataclass(frozen=True, eq=False)
 class Cycle(Result):
-    """A periodic motion, or one that repeats up to a drift. What is said of it is measured when it
-    is first asked for.
+    """A periodic motion, possibly with a drift. Its properties are computed on first access.
 
     Attributes
     ----------
@@ -277,7 +276,7 @@ class Cycle(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is a cycle."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -287,7 +286,7 @@ class Cycle(Result):
 
     @property
     def outcome(self) -> Outcome:
-        """A cycle is what motions settle on; where there is none, a ConvergenceError says so."""
+        """Always periodic; a ConvergenceError is raised if no cycle is found."""
         return Outcome.PERIODIC
 
     @property
@@ -336,13 +335,12 @@ class Cycle(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether neighbours are attracted (along the cycle and its translations they stay
-        neighbours)."""
+        """Whether the cycle is stable (modulo phase and translations)."""
         return bool(np.all(np.abs(self.nontrivial) < 1.0 - _NEUTRAL))
 
     @property
     def neutral(self) -> bool:
-        """Whether neighbours are neither attracted nor repelled, as without damping."""
+        """Whether the cycle is neutrally stable, as without damping."""
         return not self.stable and bool(np.all(np.abs(self.nontrivial) <= 1.0 + _NEUTRAL))
 
     @property
@@ -357,8 +355,8 @@ class Cycle(Result):
 
     @property
     def energy_per_distance(self) -> float:
-        """Energy dissipated per distance, the mean friction of what is pulled; infinite without
-        drift."""
+        """Energy dissipated per distance, which is the mean friction of a pulled body; infinite
+        without drift."""
         return self.dissipated / abs(self.drift) if self.drift else math.inf
 
     @property
@@ -376,7 +374,7 @@ class Cycle(Result):
         }
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "period": self.period,
@@ -398,7 +396,7 @@ class Cycle(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         units = self.units
         multipliers = [
             f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
@@ -410,13 +408,15 @@ class Cycle(Result):
         ]
         if self.contacts:
             shares = (with_unit(t, units["time"], 9) for t in (self.stick_time, self.slip_time))
-            rows.append(("stick, slip", ", ".join(shares)))
+            several = len(self.contacts) > 1
+            said = "stick of all contacts, slip of any" if several else "stick, slip"
+            rows.append((said, ", ".join(shares)))
         if self.drift:
             drift = with_unit(self.drift, units["drift"], 9)
             speed = with_unit(self.speed, units["speed"], 9)
             energy = with_unit(self.energy_per_distance, units["energy_per_distance"], 9)
             rows += [
-                ("drift", f"{drift} a period, speed {speed}"),
+                ("drift", f"{drift} per period, speed {speed}"),
                 ("energy per distance", energy),
             ]
         return rows
@@ -457,7 +457,7 @@ class Cycle(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A cycle as it was."""
+        """Restore a stored cycle."""
         from stickslip.motion.trajectory import Trajectory
 
         motion = Trajectory.restored(data, parts, where)
@@ -505,7 +505,7 @@ class Cycle(Result):
             raise DeclarationError(
                 "formula",
                 f"{short(formula)} is undefined on the cycle",
-                "Choose one that is defined all along",
+                "Use a formula that is defined along the whole cycle",
             )
         return found
 
@@ -526,7 +526,11 @@ class Cycle(Result):
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)
         elif not 0.0 < weight < math.inf:
-            raise DeclarationError("weight", f"{weight} is not a weight", "Give a positive number")
+            raise DeclarationError(
+                "weight",
+                f"{weight} is not a positive number",
+                "Give the weight as a positive number",
+            )
         return self.energy_per_distance / weight
 
     def describe(self) -> str:
@@ -544,6 +548,8 @@ class Cycle(Result):
                 (self.dissipated, "energy", 9),
             )
         )
+        if len(self.contacts) > 1:
+            stick, slip = f"of all contacts {stick}", f"of any {slip}"
         lines = [
             f"period {period}, {self.stability}, multipliers {shown}",
             f"stick {stick}, slip {slip}, dissipated {energy}",
@@ -551,7 +557,7 @@ class Cycle(Result):
         if self.drift:
             drift = with_unit(self.drift, units["drift"])
             speed = with_unit(self.speed, units["speed"])
-            lines.append(f"drift {drift} a period, speed {speed}")
+            lines.append(f"drift {drift} per period, speed {speed}")
         lines.append(self.certificate.verdict)
         return "\n".join(lines)
 
@@ -594,25 +600,25 @@ def find_cycle(
     span: tuple[float, float] | None = None,
     time_limit: float | None = None,
 ) -> Cycle:
-    """The cycle near a motion, a state, another cycle or a Hopf point.
+    """Find the cycle near a motion, a state, another cycle or a Hopf point.
 
     Parameters
     ----------
     system : System
     start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
-        A motion that has settled: the cycle it is near at its end. A state: the cycle that it is
-        near, stable or not, else the one that the motion from there settles on; by default the
+        A motion that has settled: the cycle near its end. A state: the cycle near it, stable or
+        unstable, or else the cycle on which the motion from this state settles; by default the
         declared initial state. A cycle at other parameters. A Hopf point of a branch of equilibria:
-        the cycles that are born there. A motion goes on from its end, a state from the start of the
+        the emanating cycles. A motion continues from its end, a state from the start of the
         declared span.
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the
-        branch's parameter tells which of the cycles is meant; by default a small one.
+        branch parameter selects one of the cycles; by default a small one.
     span : (float, float), optional
-        Time span in place of that of the system, for a start at a state: the motion from there
-        begins with it, and is given up after 100 times as long.
+        Time span that replaces the span of the system, for a start at a state: the motion starts at
+        its beginning, and is abandoned after 100 times its length.
     time_limit : float, optional
-        Seconds of wall-clock time that it may take.
+        Wall-clock limit in seconds.
 
     Returns
     -------
@@ -621,15 +627,16 @@ def find_cycle(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or the system depends on time without repeating.
+        If an argument is wrong, or the system depends on time aperiodically.
     ConvergenceError
-        If the motion comes to rest, does not come back, or Newton's method does not converge; if
-        the cycles come in a family without a translation. The message says what was tried and what
-        came nearest. A :class:`stickslip.errors.TimeLimitError`, which is one, if the time is up.
+        If the motion comes to rest, does not return, or Newton's method does not converge; if the
+        cycles form a continuous family without a translation. The message reports what was tried
+        and the closest approach. Its subclass :class:`stickslip.errors.TimeLimitError` is raised at
+        the time limit.
     """
     if span is not None and isinstance(start, SpecialPoint | Result):
-        reason = "a motion, a cycle or a Hopf point has a time of its own"
-        raise DeclarationError("span", reason, "Give it with a state, or leave it out")
+        reason = "a motion, a cycle or a Hopf point already defines the initial time"
+        raise DeclarationError("span", reason, "Remove it, or give a state as the start")
     system = with_span(system, span)
     with limited(time_limit, f"a cycle of {system.name}"):
         return _found(system, start, parameters)
@@ -650,13 +657,17 @@ def _found(
     if isinstance(start, Cycle):
         if start.system != system:
             raise DeclarationError(
-                "start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system"
+                "start",
+                f"the start is a cycle of {start.system.name}, not of {system.name}",
+                "Use the same system",
             )
         return make_cycle(from_cycle(start.closed, start.time, parameters))
     if isinstance(start, Trajectory):
         if start.system != system:
             raise DeclarationError(
-                "start", f"a motion of {start.system.name}, not of {system.name}", "Give its system"
+                "start",
+                f"the start is a motion of {start.system.name}, not of {system.name}",
+                "Use the same system",
             )
         if not parameters:
             return make_cycle(from_motion(start))

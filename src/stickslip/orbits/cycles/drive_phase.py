@@ -64,8 +64,8 @@ def _only_force(system: System, of: str) -> tuple[str, Expr]:
         said = " and ".join(timed) or "nothing"
         raise DeclarationError(
             "drive",
-            f"time acts on {said}, so that no force belongs to '{short(of)}'",
-            "Say with drive= relative to what phases are measured",
+            f"the forces on {said} depend on time, so the drive of '{short(of)}' is ambiguous",
+            "Set drive= to the reference of the phases",
         )
     return f"the force on {timed[0]}", forces[timed[0]]
 
@@ -77,7 +77,6 @@ def phase_of_drive(
 
     Parameters
     ----------
-    system : System
     drive : (str, Expr)
         See :func:`read_drive`.
     values : mapping of str to float
@@ -96,7 +95,7 @@ def phase_of_drive(
     for name in names:
         if name not in known:
             raise DeclarationError(
-                "drive", f"it depends on '{name}'", "Give a formula of t and the parameters"
+                "drive", f"it depends on '{name}'", "Use a formula of t and the parameters"
             )
     t = np.arange(_SAMPLES) / _SAMPLES * period
     table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
@@ -105,8 +104,8 @@ def phase_of_drive(
     if not abs(first) > 1e-12 * np.max(np.abs(wave)):
         raise DeclarationError(
             "drive",
-            f"{text} has no wave of the period {period:.9g}",
-            "Say with drive= relative to what phases are measured",
+            f"{text} has no harmonic of period {period:.9g}",
+            "Set drive= to the reference of the phases",
         )
     return float(np.angle(first))
 

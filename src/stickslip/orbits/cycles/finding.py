@@ -24,6 +24,7 @@ from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
 from stickslip.orbits.cycles.period import shortest
 from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
 from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
@@ -85,13 +86,17 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         w = replace(w, clock=now)
         found = replace(found, period=turns * now.period(problem.parameters))
     found = _extrapolated(start, found, problem.parameters) or found
+    # To first order what slides without mass stays on a tangent of the forces that it can hold.
+    states = found.state[None, :].copy()
+    settle_friction(problem.compiled.equations, problem.parameters, states, found.time)
+    found = replace(found, state=states[0])
     try:
         return accepted(*near(problem, pieces, w, found))
     except Family:
         raise
     except ConvergenceError as failure:
         raise ConvergenceError(
-            failure.where, failure.reached, "Take smaller steps, or use continue_cycle"
+            failure.where, failure.reached, "Use smaller steps, or continue_cycle"
         ) from None
 
 
@@ -152,8 +157,8 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
     if other:
         raise ConvergenceError(
             f"a cycle of {shooting.problem.system.name}",
-            f"Newton's method left the motion it started from for {other}",
-            "Start nearer to the cycle, or with a motion that has settled",
+            f"Newton's method converged to a different solution, {other}",
+            "Choose a start closer to the cycle, or a motion that has settled",
         )
     check_isolated(closed)
     return shortest(closed)
@@ -165,7 +170,7 @@ def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
         return "an equilibrium"
     change = abs(math.log(closed.orbit.period / x[shooting.time]))
     if change > _AGREES or closed.distance(shooting.stations[0].origin, shooting.start) > _AGREES:
-        return f"another, of period {closed.orbit.period:.6g}"
+        return f"a cycle of period {closed.orbit.period:.6g}"
     return ""
 
 
@@ -198,8 +203,6 @@ def _at_rest(
 
     Parameters
     ----------
-    problem : Problem
-    time : float
     rest : array, shape (n,)
     before : ConvergenceError, optional
         What was tried before.
@@ -212,16 +215,16 @@ def _at_rest(
     moved = (
         {n: v for n, v in zip(names, velocity, strict=True) if v} if velocity is not None else {}
     )
-    along = some([f"{name} at the speed {v:.6g}" for name, v in moved.items()], 8)
+    along = some([f"{name} at speed {v:.6g}" for name, v in moved.items()], 8)
     return ConvergenceError(
         f"a cycle of {problem.system.name}",
         (
-            f"the motion becomes steady: from t = {time:.6g} on it moves along evenly, {along}, "
+            f"the motion becomes steady: from t = {time:.6g} it translates uniformly, {along}, "
             f"from {final}{tried}"
             if moved
-            else f"the motion comes to rest: from t = {time:.6g} on it stays near {final}{tried}"
+            else f"the motion comes to rest: from t = {time:.6g} it stays near {final}{tried}"
         ),
-        "Start with more energy, or choose parameters for which it keeps moving",
+        "Choose a start with more energy, or parameters for which the motion does not stop",
     )
 
 
@@ -384,9 +387,9 @@ class _Search:
     def _undamped(self) -> ConvergenceError:
         return ConvergenceError(
             f"a cycle of {self.problem.system.name}",
-            "nothing damps the motion: it goes on for ever without further events, and an "
-            "oscillation in it neither dies out nor grows",
-            "Add damping, or start at a state in which it does not swing",
+            "the motion continues without further events, with an undamped oscillation that "
+            "neither decays nor grows",
+            "Add damping, or choose a start without this oscillation",
         )
 
     def _failed(
@@ -397,18 +400,21 @@ class _Search:
         exponent: Exponent | None,
     ) -> ConvergenceError:
         """What was seen of a motion on which no cycle was found."""
-        reached = f"no cycle was found within t = {until:.6g}: the motion comes back "
+        reached = f"no cycle was found within t = {until:.6g}: the motion "
         reached += (
-            f"at best to {closest.distance:.2g} of its size, after {closest.period:.6g}"
+            f"returns at best to within {closest.distance:.2g} of its size, after "
+            f"{closest.period:.6g}"
             if closest is not None
-            else "not once"
+            else "never returns"
         )
         if extents[1] < _DIES_OUT * extents[0]:
-            reached += f"; it dies out: its extent fell from {extents[0]:.2g} to {extents[1]:.2g}"
+            reached += (
+                f"; it decays: its extent decreased from {extents[0]:.2g} to {extents[1]:.2g}"
+            )
         elif exponent is not None and exponent.irregular:
-            reached += f"; the motion looks irregular: its largest Lyapunov exponent is {exponent}"
+            reached += f"; the motion appears chaotic: its largest Lyapunov exponent is {exponent}"
         elif self.failure is not None:
             reached += f"; {self.failure.reached}"
         return ConvergenceError(
-            f"a cycle of {self.problem.system.name}", reached, "Start elsewhere, nearer to a cycle"
+            f"a cycle of {self.problem.system.name}", reached, "Choose a start closer to a cycle"
         )

@@ -61,7 +61,7 @@ def born_at(system: System, point: SpecialPoint, parameters: Mapping[str, float]
     """
     if point.kind != "Hopf":
         raise DeclarationError(
-            "start", f"a special point of kind '{point.kind}'", "Give one of kind 'Hopf'"
+            "start", f"a special point of kind '{point.kind}'", "Give a point of kind 'Hopf'"
         )
     name = _parameter(point, parameters)
     seed = _small_cycle(pose(system, point.parameters), point, name)
@@ -80,12 +80,14 @@ def _parameter(point: SpecialPoint, parameters: Mapping[str, float] | None) -> s
         raise DeclarationError(
             f"parameters.{min(others)}",
             "the Hopf point is not at this value",
-            f"Only the parameter of its branch may differ ({' or '.join(names)})",
+            f"Change only the parameter of its branch ({' or '.join(names)})",
         )
     chosen = [n for n in names if n in (parameters or {})] or names
     if len(chosen) != 1:
         raise DeclarationError(
-            "start", "several parameters have the value of the Hopf point", "Give a value of one"
+            "start",
+            "several parameters have the value of the Hopf point",
+            "Change the value of one parameter",
         )
     return chosen[0]
 
@@ -141,7 +143,9 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
     room = np.min(guards.value[reach > 0.0] / reach[reach > 0.0], initial=np.inf)
     if not room > 1e-6:
         raise DeclarationError(
-            "start", "the Hopf point stands on a switching boundary", "No normal form holds there"
+            "start",
+            "the Hopf point is on a switching boundary",
+            "The normal form is not defined there",
         )
     return float(min(_SMALL, _INSIDE * room))
 
@@ -258,8 +262,8 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
         raise ConvergenceError(
             f"cycles of {seed.problem.system.name} from the Hopf point at {name} = "
             f"{point.value:.9g}",
-            f"they are born {side} it, there are none at {name} = {value:.9g}",
-            f"Choose a value {side} it; around a subcritical point follow the branch with "
+            f"they exist {side} this value, not at {name} = {value:.9g}",
+            f"Choose a value {side} it; near a subcritical point follow the branch with "
             "continue_cycle",
         )
     closed = _closed(seed, point)
@@ -278,8 +282,8 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
             reached = seed.problem.parameters[name]
             raise ConvergenceError(
                 f"the cycle of {seed.problem.system.name} at {name} = {value:.9g}",
-                f"its family was followed from the Hopf point to {name} = {reached:.9g} "
-                f"({failure})",
+                f"the family could be followed from the Hopf point only to {name} = "
+                f"{reached:.9g} ({failure})",
                 "Follow the branch with continue_cycle",
             ) from None
         seed = replace(

@@ -48,8 +48,6 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
 
     Parameters
     ----------
-    motion : Trajectory
-    pieces : Pieces
     sizes : array, shape (n,)
         Units of the components.
     """

@@ -31,7 +31,6 @@ class Phase:
 
     Attributes
     ----------
-    duration : float
     modes : dict of str to int
         By contact: 0 stick, +1 or −1 slip, 2 open, 3 closed without friction.
     region : tuple of int
@@ -56,7 +55,6 @@ class ContactShare:
 
     Attributes
     ----------
-    stick_time, slip_time : float
     dissipated : float
         Energy, without that of impacts.
     open_time : float
@@ -147,11 +145,13 @@ def weight(system: System, text: str, values: Mapping[str, float]) -> float:
     if unit and force and not agree(unit, force):
         said = formula_unit(system, formula)
         raise DeclarationError(
-            where, f"it is measured in {said}, a weight in {_force_unit(system)}", "Write it as m*g"
+            where,
+            f"its unit is {said}, but a weight has the unit {_force_unit(system)}",
+            "Write it as m*g",
         )
     found = ex.evaluate(formula, values)
     if not found > 0.0:
-        raise DeclarationError(where, f"it is {found:g}", "A weight is positive")
+        raise DeclarationError(where, f"the weight is {found:g}", "Give a positive weight")
     return found
 
 

@@ -49,7 +49,6 @@ class LinearForm:
 
     Attributes
     ----------
-    weights : dict of str to float
     rest : Expr
         Of t and parameters.
     """
@@ -60,13 +59,7 @@ class LinearForm:
 
 def linear_form(motion: Trajectory, formula: Expr) -> LinearForm | None:
     """A formula as a linear form of the state; None if it is none, or not with constant
-    coefficients.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    formula : Expr
-    """
+    coefficients."""
     state, parameters = motion.system.declaration.places, motion.parameters
     felt = sorted(formula.symbols - parameters.keys() - {"t"})
     if not state.keys() >= set(felt) or ex.bends(formula, felt):
@@ -90,12 +83,7 @@ def extrema(motion: Trajectory, formulas: Mapping[str, Expr] | None = None) -> E
 
     Parameters
     ----------
-    motion : Trajectory
     formulas : mapping of str to Expr, optional
-
-    Returns
-    -------
-    dict of str to (float, float)
     """
     forms: dict[str, LinearForm] = {}
     if formulas is None:
@@ -246,7 +234,6 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         One period.
     shift : array, shape (n,)
         Of the state, in that period.
-    order : int
 
     Returns
     -------
@@ -272,10 +259,8 @@ def harmonics_of(
     ----------
     motion : Trajectory
         One period.
-    formulas : mapping of str to Expr
     of_state : mapping of str to complex
         Harmonics of all parts of the state.
-    order : int
     """
     found: dict[str, complex] = {}
     left: dict[str, Expr] = {}
@@ -312,11 +297,9 @@ def _wave(
 
     Parameters
     ----------
-    motion : Trajectory
     values : callable
         Times, and steps in which they are -> functions, shape (times, functions).
     shift : array, shape (functions,)
-    order : int
     kinks : pair of arrays, optional
         Of the functions, see :func:`_kinks`.
     """
@@ -452,7 +435,6 @@ def _averaged(
 
     Parameters
     ----------
-    motion : Trajectory
     values : callable
         Times, and steps in which they are -> f, shape (times, functions), and w, shape (times,).
     order : int

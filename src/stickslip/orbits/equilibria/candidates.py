@@ -29,7 +29,7 @@ def autonomous(system: System) -> MotionEquations:
         raise DeclarationError(
             system.name,
             "its equations depend on time" + (f" (drive '{short(drives[0])}')" if drives else ""),
-            "Freeze the drive at a constant to see equilibria, or look for cycles with find_cycle",
+            "Set the drive to a constant, or find cycles with find_cycle",
         )
     return equations
 
@@ -50,7 +50,6 @@ def possible_modes(
 
     Parameters
     ----------
-    equations : MotionEquations
     values, at : mapping of str to float
         Parameters, and a state.
     moved : array, shape (states, translations)

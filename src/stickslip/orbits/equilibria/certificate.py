@@ -59,9 +59,7 @@ def certify_equilibria(
 
     Parameters
     ----------
-    steady : Steady
     points, beside : array, shape (states + parameters, points)
-    nearest : str
     """
     sizes = steady.sizes_beside(points, beside)
     margins = np.min(sizes.margins, axis=1, initial=1.0)

@@ -34,10 +34,8 @@ class CoveredSet:
         A point well inside.
     inside : array, shape (states, points)
         Points all over the set.
-    extent : dict of str to (float, float)
     error : float
         How far the ends of the extent may be off, relative to the size of the set.
-    dimension : int
     repeats : dict of str to float
         Periods with which the set repeats.
     undecided : int
@@ -59,7 +57,6 @@ class CoveredSets:
 
     Attributes
     ----------
-    found : list of CoveredSet
     undecided : str
         What is not known of others; empty if there are none.
     isolated : bool
@@ -235,5 +232,5 @@ class _Covered:
                 for i, x in enumerate(free)
                 if i not in limited
             )
-            said.append(f"sets outside {where} were not looked for (give a box)")
+            said.append(f"sets outside {where} were not searched (give a box)")
         return said

@@ -34,7 +34,7 @@ class Equilibrium:
     Attributes
     ----------
     state : dict of str to float
-        With a drift: one of the states that differ by the translation.
+        With a drift, one of the states that differ by the translation.
     parameters : dict of str to float
     contacts : tuple of str
         Names of the contacts in the order of `mode`.
@@ -42,21 +42,22 @@ class Equilibrium:
         Mode of each contact (0 stick, ±1 slip; of a normal direction 0 closed, 1 open) and region
         of each kink.
     eigenvalues : tuple of complex
-        Of the motion within the mode's constraints and modulo translation, the rightmost first.
+        Eigenvalues of the motion within the constraints of the mode and modulo translation, the
+        rightmost first.
     drift : dict of str to float
-        Constant rates of a relative equilibrium: what moves steadily along a translation. Empty at
+        Constant rates of a relative equilibrium, which moves steadily along a translation. Empty at
         rest.
     boundary : tuple of str
-        What is just about to change (a guard is zero): a boundary equilibrium, whose stability
-        eigenvalues of one side do not decide.
+        Guards that are zero: at a boundary equilibrium, the eigenvalues of one side do not
+        determine stability.
     certificate : Certificate
-        What is left of the equations, the nearest guard, and how well the eigenvalues are known.
+        Residuals of the equations, the nearest guard, and the accuracy of the eigenvalues.
     eigenvalue_error : float
-        By how much they may be wrong; a stability that depends on that is not decided.
+        Error bound of the eigenvalues; stability is undecided if it depends on this error.
     normal_forces : dict of str to float
-        Of closed contacts that can open, by their names in formulas.
+        Normal forces of closed unilateral contacts, by their names in formulas.
     turned : tuple of str
-        Contacts that slip back where `mode` says that what they are one with slips forward.
+        Contacts that slip backward where `mode` states forward slip of the combined contact.
     """
 
     state: dict[str, float]
@@ -82,7 +83,7 @@ class Equilibrium:
 
     @property
     def stable(self) -> bool | None:
-        """Whether it attracts its neighbours; None if linearisation does not decide."""
+        """Whether the equilibrium is stable; None if linearisation is inconclusive."""
         return None if self.boundary else decays(self.eigenvalues, self.eigenvalue_error)
 
     def describe(self) -> str:
@@ -106,34 +107,34 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class EquilibriumSet:
-    """A set of equilibria: with dry friction a system can rest anywhere in it.
+    """A set of equilibria; with dry friction a system can rest anywhere in it.
 
     Attributes
     ----------
     state : dict of str to float
-        A point well inside.
+        A point in the interior.
     mode : tuple of int
     regions : tuple of tuple of int
-        Regions of the kinks that the set extends over.
+        Regions of the kinks that the set intersects.
     dimension : int
         Dimension of the set (directions of translation included).
     extent : dict of str to (float, float)
-        Least and largest value of each state in the set; infinite where there is no bound. Of a set
-        of two dimensions or more this is its bounding box, not the set.
+        Smallest and largest value of each state in the set; infinite if unbounded. For a set of
+        dimension two or more this is the bounding box.
     exact : bool
-        Whether the set is proved to be connected, and the extent to be that of the whole set: by
-        linear programs where forces are affine, otherwise by a cover of boxes. If not, it was
-        followed from the point inside, and another part of the set may be further out.
+        Whether it is proved that the set is connected and that the extent is that of the whole set:
+        by linear programs if forces are affine, otherwise by a cover of boxes. If not, the set was
+        followed from the interior point, and may have further parts.
     eigenvalues : tuple of complex or None
-        At that point, across the set: the zeros along it are left out. None if forces are not
-        unique there.
+        Eigenvalues at that point transverse to the set, without the zeros along it. None if the
+        forces are not unique there.
     certificate : Certificate
         Of that point.
     normal_forces : dict of str to float
-        At that point, as of :class:`Equilibrium`; those that the state does not determine are left
-        out.
+        Normal forces at that point, as in :class:`Equilibrium`; forces that the state does not
+        determine are omitted.
     repeats : dict of str to float
-        Periods of states by which the set can be moved: there is one there, too.
+        Periods of states under which the set is invariant.
     turned : tuple of str
         As of :class:`Equilibrium`.
     """
@@ -180,7 +181,7 @@ class EquilibriumSet:
 
 @dataclass(frozen=True)
 class Equilibria(Result):
-    """What was found; iterates over the isolated equilibria, then the sets.
+    """The equilibria of a system; iterates over the isolated equilibria, then the sets.
 
     Attributes
     ----------
@@ -190,12 +191,12 @@ class Equilibria(Result):
         Stable ones first.
     sets : tuple of EquilibriumSet
     tried : str
-        Where was looked.
+        Description of the search.
     nearest : str
-        If nothing was found, what came nearest.
+        The closest candidate, if nothing was found.
     undecided : tuple of str
-        Where there may be sets that were not found, or are not known well: then the result is not
-        complete, and not certified.
+        Regions in which sets may be missing or inaccurate; the result is then neither complete nor
+        certified.
     """
 
     KIND: ClassVar[str] = "equilibria"
@@ -270,7 +271,7 @@ class Equilibria(Result):
 
     @property
     def title(self) -> str:
-        """Of what they are the equilibria."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -280,12 +281,12 @@ class Equilibria(Result):
 
     @property
     def message(self) -> str:
-        """What was found, or what was tried and came nearest."""
+        """The equilibria found, or what was tried and the closest candidate."""
         open_ = [f"not complete: {said}" for said in self.undecided]
         if len(self):
             return "\n".join([*(found.describe() for found in self), *open_])
         nothing = f"no equilibrium was found ({self.tried}); "
-        return "\n".join([nothing + (self.nearest or "nothing came near"), *open_])
+        return "\n".join([nothing + (self.nearest or "no candidate came close"), *open_])
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -298,7 +299,7 @@ class Equilibria(Result):
 
     @property
     def table(self) -> pandas.DataFrame:
-        """One row an equilibrium or set: state, stability, modes, eigenvalues, drift, extent."""
+        """One row per equilibrium or set: state, stability, modes, eigenvalues, drift, extent."""
         import pandas as pd
 
         rows = []
@@ -346,7 +347,7 @@ class Equilibria(Result):
         return {name for found in self for name in found.normal_forces}
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             **self.system.heading(),
             "tried": self.tried,
@@ -355,7 +356,7 @@ class Equilibria(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         return shortened(
             [
                 ("set" if isinstance(found, EquilibriumSet) else "equilibrium", found.describe())
@@ -383,7 +384,7 @@ class Equilibria(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Equilibria as they were."""
+        """Restore stored equilibria."""
         from stickslip.model.system_file import loads
 
         return cls(
@@ -478,7 +479,7 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
 def pressed_text(forces: Mapping[str, float]) -> str:
     """Normal forces, to be put behind a state."""
     said = ", ".join(f"{name} = {value:.9g}" for name, value in forces.items())
-    return f", pressed with {said}" if said else ""
+    return f", normal forces {said}" if said else ""
 
 
 def modes_text(modes: Mapping[str, str]) -> str:

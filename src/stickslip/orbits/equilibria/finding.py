@@ -54,10 +54,10 @@ def equilibria(
     parameters: Mapping[str, float] | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
 ) -> Equilibria:
-    """All equilibria that can be found: sliding ones, and sets of them in stick.
+    """Find all equilibria: isolated ones, and sets of equilibria in stick.
 
-    Sets are proved to be connected and complete, or the result says what is not known of them and
-    is not certified; isolated equilibria are looked for from many starts.
+    Sets are proved to be connected and complete; otherwise the result reports what is undecided,
+    and is not certified. Isolated equilibria are searched from many starts.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ def equilibria(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     box : mapping of str to (float, float), optional
-        Ranges of states within which isolated equilibria are looked for, and which sets must have
-        points in; by default around the declared initial state.
+        Ranges of states in which isolated equilibria are searched, and which sets must intersect;
+        by default around the declared initial state.
 
     Returns
     -------
     Equilibria
-        May be empty; its ``message`` then says what was tried and what came nearest.
+        May be empty; its ``message`` then reports what was tried and the closest candidate.
 
     Raises
     ------
@@ -88,7 +88,6 @@ def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
 
     Parameters
     ----------
-    found : Equilibria
     point : mapping of str to float
         See :meth:`Equilibria.contains`.
 
@@ -151,7 +150,7 @@ class _Search:
         for name, ends in box.items():
             if name not in self.state:
                 raise DeclarationError(
-                    f"box.{name}", "there is no such state", f"Known: {', '.join(self.state)}"
+                    f"box.{name}", "unknown state", f"Known: {', '.join(self.state)}"
                 )
             low, high = (float(v) for v in ends)
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
@@ -186,7 +185,7 @@ class _Search:
         self._look_everywhere(islice(candidates, _MOST))
         count = math.prod(map(len, choices)) * 2 ** sum(s is None for s in self._fixed_regions())
         tried = (
-            f"{len(self.looked)} of {count} combinations of modes and regions, "
+            f"tried {len(self.looked)} of {count} combinations of modes and regions with "
             f"{self.starts.shape[1]} starts each"
         )
         if not self.isolated and not self.sets:
@@ -215,7 +214,7 @@ class _Search:
         for name in self.state:
             if name not in point and name not in rates:
                 raise DeclarationError(
-                    f"point.{name}", "its value is missing", "Give all coordinates"
+                    f"point.{name}", "the value is missing", "Give values of all coordinates"
                 )
         for one in found:
             y = np.array([point.get(x, one.state[x]) for x in self.state])
@@ -454,7 +453,7 @@ class _Search:
             broken = describe_guard(self.eq, guard, field.mode)
             self.nearest = (
                 margin,
-                f"nearest: {modes} at {state}, which is past the boundary where {broken}",
+                f"nearest: {modes} at {state}, beyond the boundary where {broken}",
             )
 
     def _note_part(
@@ -468,7 +467,9 @@ class _Search:
             conditions = all_stick(self.eq, mode, regions[0], self.values)
         centre = conditions.completed(part.state)
         if centre is None:
-            self.undecided.append(f"no forces were found that hold {self._named(part.state)}")
+            self.undecided.append(
+                f"no forces were found in equilibrium at {self._named(part.state)}"
+            )
             return
         if part.undecided and not part.error <= _KNOWN:
             self._note_set(conditions, centre, mode, regions[0])
@@ -506,7 +507,7 @@ class _Search:
             ):
                 return
             modes = modes_text(named_modes(self.contacts, mode, self.eq.turned(region)))
-            self.undecided.append(f"sets with {modes} are followed from points inside")
+            self.undecided.append(f"sets with {modes} were followed from interior points only")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
         followed = () if exact else (Residual("parts not looked at", 1.0, 0.0),)

@@ -65,7 +65,6 @@ class LevelSet:
 
     Attributes
     ----------
-    conditions : tuple of Expr
     names : tuple of str
         The unknowns.
     values : mapping of str to float
@@ -265,7 +264,6 @@ def enclosed(
 
     Parameters
     ----------
-    expressions : list of Expr
     of : LevelSet
         Whose unknowns they are in.
     low, high : array, shape (k, N)
@@ -324,7 +322,6 @@ class Components:
 
     Attributes
     ----------
-    of : LevelSet
     low, high : array, shape (k, N)
     inside : array of bool, shape (N,)
         Boxes that lie in the set; others are on the edge.

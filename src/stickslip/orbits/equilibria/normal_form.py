@@ -59,7 +59,6 @@ class Derivatives:
     ----------
     rates : sequence of Expr
         The field.
-    state : sequence of str
     """
 
     def __init__(self, rates: Sequence[Expr], state: Sequence[str]) -> None:

@@ -73,7 +73,6 @@ def reduce(
     ----------
     states, forces : sequence of str
         Unknowns.
-    equal, nonnegative : sequence of Expr
     values : mapping of str to float
         Of the parameters.
     invariant : array, shape (states, translations)

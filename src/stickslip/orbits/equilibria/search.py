@@ -47,7 +47,6 @@ def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tupl
 
     Parameters
     ----------
-    residual : ResidualFunction
     starts : array, shape (n, starts)
     origin : array, shape (n,)
         Gives the units: the size of each component there, or 1.

@@ -38,7 +38,6 @@ class Conditions:
     ----------
     unknowns : tuple of str
         The state first, then forces that are not determined by it.
-    equal, nonnegative : tuple of Expr
     values : mapping of str to float
         Values of the parameters.
     states : tuple of str
@@ -308,8 +307,9 @@ def all_stick(
             name = equations.labels[plane.parts[0]]
             raise DeclarationError(
                 f"contacts.'{name}'",
-                "it has a dissipation of its own, and equilibria are sought for discs and ellipses",
-                "Let a motion come to rest: simulate says where it does",
+                "sets of equilibria are available for discs and ellipses, not for a contact "
+                "with a dissipation",
+                "Use simulate to compute the state of rest of a motion",
             )
     nonnegative += [
         fix(plane.admissible((held[plane.parts[0]], held[plane.parts[1]])))

@@ -55,7 +55,6 @@ class MovingFrame:
 
     Attributes
     ----------
-    equations : MotionEquations
     zero : frozenset of str
         Parameters that are zero.
     """
@@ -185,15 +184,15 @@ class Clock:
             if values[name] != 0.0:
                 raise DeclarationError(
                     name,
-                    "where it is not 0, the drives have another period",
-                    "Start from a cycle at such a value",
+                    "where it is not 0, the drives have a different period",
+                    "Choose a cycle at such a value as the start",
                 )
         rate = self.rate(values)
         if rate == 0.0:
             raise DeclarationError(
                 "drives",
-                "they stand still",
-                "Choose parameters for which they move",
+                "the drives are constant",
+                "Choose parameters for which they vary",
             )
         return 2.0 * math.pi * self.multiple / self.parts / abs(rate)
 
@@ -251,10 +250,9 @@ def _clock(
     if not moving:
         raise DeclarationError(
             system.name,
-            f"it depends on time, but {_without_wave(frame, found)}, so that nothing tells its "
-            "period",
-            "Cycles need a drive that repeats, such as sin(omega*t), or a pull V*t over what "
-            "repeats in space",
+            f"it depends on time, but {_without_wave(frame, found)}, so its period is undefined",
+            "Cycles need a periodic drive, such as sin(omega*t), or a pull V*t over a spatially "
+            "periodic potential",
         )
     first, base = next(iter(moving.items()))
     ratios = {}
@@ -265,7 +263,7 @@ def _clock(
                 system.name,
                 f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "
                 "which have no common period",
-                "Choose frequencies in the ratio of small whole numbers",
+                "Choose frequencies whose ratio is a fraction of small integers",
             )
     multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
     quarters = {e: int(4 * r * multiple) for e, r in ratios.items()}
@@ -311,12 +309,15 @@ def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
     """Why nothing tells the period."""
     if velocity is None:
         return (
-            "on no wave of a constant frequency, and no even motion of the state makes up for "
-            f"time in {short(ex.to_text(frame.reading.timed()))}"
+            "not through a wave of constant frequency, and no uniform translation of the state "
+            f"compensates for time in {short(ex.to_text(frame.reading.timed()))}"
         )
     if np.any(velocity):
-        return "on no wave of a constant frequency, and nothing repeats on the way of what is moved"
-    return "on no wave of a constant frequency"
+        return (
+            "not through a wave of constant frequency, and nothing is periodic along the "
+            "translation"
+        )
+    return "not through a wave of constant frequency"
 
 
 def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:

@@ -203,11 +203,6 @@ class PointFunction:
 
     Shapes: t () or (points,), y (states,) or (states, points), p (parameters,) or (parameters,
     points); result (expressions,) or (expressions, points).
-
-    Parameters
-    ----------
-    field : Field
-    expressions : sequence of Expr
     """
 
     def __init__(self, field: Field, expressions: Sequence[Expr]) -> None:

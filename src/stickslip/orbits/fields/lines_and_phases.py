@@ -220,8 +220,6 @@ def read_formulas(
 
     Parameters
     ----------
-    formulas : iterable of Expr
-    names : iterable of str
     constant : iterable of str
         What slopes may depend on.
     since : float

@@ -46,7 +46,6 @@ class Piece:
 
     Parameters
     ----------
-    field : Field
     free : sequence of str
         Parameters; derivatives with respect to them follow those with respect to the state as last
         columns.
@@ -217,7 +216,6 @@ class Pieces:
 
     Parameters
     ----------
-    equations : MotionEquations
     *free : str
         Parameters to differentiate with respect to.
     """

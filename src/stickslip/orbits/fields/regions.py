@@ -41,12 +41,10 @@ def values_at(
 
     Parameters
     ----------
-    equations : MotionEquations
     parameters : mapping of str to float or array, shape (points,)
     states : array, shape (points, states)
     expressions : sequence of Expr, or function of a region
         With kinks; or those of one region, without.
-    time : float
 
     Returns
     -------

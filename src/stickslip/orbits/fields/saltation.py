@@ -41,11 +41,11 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-TOUCHED = "a guard is touched without speed"
-_UNEXPLAINED = "no impulses are known that depend smoothly on what is before"
-_AT_ONCE = "several contacts close at once, which is a matter of order for neighbours"
-_CHANGES = "an impulse is just zero or at its threshold, and is not for neighbours"
-_TOO_MANY = "impacts in turn come to no end"
+TOUCHED = "a guard is touched tangentially"
+_UNEXPLAINED = "the impulses do not depend smoothly on the state before the impact"
+_AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
+_CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
+_TOO_MANY = "the sequence of impacts does not end"
 _MOST_TURNS = 400  # impacts in turn
 _NONE_LEFT = 1e-28  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-8  # part by which energies of approach are equal
@@ -118,10 +118,8 @@ class Strike(NamedTuple):
 
     Attributes
     ----------
-    knot : int
     last : int
         The same, or that of the last of the bounces which are taken together with it.
-    time : float
     before : array, shape (n,)
         State before.
     """
@@ -191,9 +189,6 @@ def saltation(
 
     Parameters
     ----------
-    equations : MotionEquations
-    motion : Trajectory
-    strike : Strike
     here : Leave
         The guards right before it.
     sides : (Piece, Piece)
@@ -252,12 +247,10 @@ def _near(
 
     Parameters
     ----------
-    equations : MotionEquations
     piece : Piece
         Before.
     at : (float, array, array)
         t, y, p.
-    contact : int
     """
     found: list[int] = []
     for c, each in enumerate(equations.contacts):
@@ -286,15 +279,11 @@ def _in_turn(
 
     Parameters
     ----------
-    equations : MotionEquations
-    motion : Trajectory
-    strike : Strike
     sides : (Piece, Piece)
         Before and after them.
     closed : list of int, and int
         Contacts that are closed, and the one that has just closed.
     p : array, shape (parameters,)
-    pieces : Pieces
     """
     left, right = sides
     near, contact = closed
@@ -357,7 +346,6 @@ def _meets(
         Closed contacts.
     at : (float, array, array)
         t, y, p before this one.
-    landing : Landing
     """
     n, columns = len(landing.after), len(piece.columns)
     full = np.eye(columns)
@@ -385,8 +373,6 @@ def _energies(
 
     Parameters
     ----------
-    equations : MotionEquations
-    piece : Piece
     near : list of int
         Contacts.
     at : (float, array, array)
@@ -413,7 +399,6 @@ def _one_impact(
 
     Parameters
     ----------
-    equations : MotionEquations
     piece : Piece
         Before the impacts.
     at : (float, array, array)
@@ -461,14 +446,12 @@ def _between(
 
     Parameters
     ----------
-    equations : MotionEquations
     left : Piece
         Before the impacts.
     near : list of int
         Contacts that are closed.
     at : (float, array, array)
         t, y, p.
-    pieces : Pieces
     """
     mode = np.array(left.field.mode, np.int8)
     speed = {c: abs(float(left.velocity(c, *at)[0])) for c in near}
@@ -506,10 +489,8 @@ def _impact(
 
     Parameters
     ----------
-    equations : MotionEquations
     pieces : (Piece, Piece)
         Before and after it.
-    strike : Strike
     after : array, shape (n,)
     contact : int
         That has closed.
@@ -536,7 +517,6 @@ def _mode_of(
 
     Parameters
     ----------
-    equations : MotionEquations
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)
@@ -585,7 +565,6 @@ def _is_corner(
 
     Parameters
     ----------
-    equations : MotionEquations
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)

@@ -56,9 +56,6 @@ def through(
 
     Parameters
     ----------
-    equations : MotionEquations
-    motion : Trajectory
-    knot : int
     pieces : (Piece, Piece)
         Before and after it.
     p : array, shape (parameters,)
@@ -144,7 +141,6 @@ def _events(
 
     Parameters
     ----------
-    equations : MotionEquations
     pieces : (Piece, Piece)
         Before and after it.
     at : (float, array, array)
@@ -180,8 +176,6 @@ def _freedom(
 
     Parameters
     ----------
-    equations : MotionEquations
-    piece : Piece
     contacts : list of int
         By first components.
     at : (float, array, array)
@@ -230,7 +224,6 @@ def _stopping(
 
     Parameters
     ----------
-    equations : MotionEquations
     piece : Piece
         Before.
     contacts : list of int
@@ -259,7 +252,6 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
     ----------
     piece : Piece
         Before.
-    plane : Plane
     at : (float, array, array)
         t, y, p.
     rates : array, shape (n,)
@@ -325,7 +317,6 @@ def _loosening(
 
     Parameters
     ----------
-    equations : MotionEquations
     pieces : (Piece, Piece)
         Before and after.
     contacts : list of int
@@ -406,7 +397,6 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     ----------
     shapes : list of (array, float)
         G and s of what moves.
-    work : array
     """
     w = work / float(work @ work)
     for _ in range(_MOST_TURNS):

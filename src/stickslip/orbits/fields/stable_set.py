@@ -29,11 +29,9 @@ def excess(
 
     Parameters
     ----------
-    equations : MotionEquations
     values : mapping of str to float or array, shape (points,)
         Parameters.
     states : array, shape (points, states)
-    time : float
 
     Returns
     -------

@@ -37,7 +37,6 @@ class ResidualFunction:
 
     Parameters
     ----------
-    expressions : sequence of Expr
     unknowns : sequence of str
         Names of the components of x.
     values : mapping of str to float
@@ -119,7 +118,6 @@ class Steady:
 
     Attributes
     ----------
-    field : Field
     values : dict of str to float
         Parameters.
     invariant : array, shape (states, translations)
@@ -261,7 +259,6 @@ class Steady:
         ----------
         x : array
             State and the parameters that have ranges.
-        spans : mapping of str to (float, float)
         """
         n = len(self.field.state)
         state = self.sizes(self.point(x[:n], dict(zip(spans, x[n:], strict=True)))[:, None]).state[

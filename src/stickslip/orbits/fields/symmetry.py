@@ -157,11 +157,16 @@ class Surroundings:
         matrix = np.concatenate(
             [(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)]
         )
+        # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
+        # less than rounding is felt not at all.
+        felt = np.max(np.abs(matrix), axis=0, initial=0.0)
+        units = 1.0 / np.maximum(felt, _ROUNDING / _RANK * np.max(felt) + 1e-300)
+        matrix = matrix * units
         # The triangle has the same singular values and directions as the many rows.
         triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
         _, s, v = np.linalg.svd(triangle)
         rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
-        return v[rank:].T * np.append(1.0, self.sizes)[:, None]
+        return v[rank:].T * (units * np.append(1.0, self.sizes))[:, None]
 
     def _turn(self, p: Array, drives: Drives) -> Array:
         """Shift of the state that a period of the drives makes up for: that of the frame which
@@ -197,9 +202,9 @@ class Surroundings:
             return moved + rest * self.sizes
         raise DeclarationError(
             "period",
-            f"the system is not the same after the period {period:.9g} of its drives: time enters "
-            "in another way, too",
-            "Cycles need a system that repeats",
+            f"the system is not invariant under the period {period:.9g} of its drives: it also "
+            "depends on time otherwise",
+            "Cycles need a periodic system",
         )
 
 

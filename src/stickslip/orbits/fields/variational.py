@@ -72,7 +72,6 @@ class Variation:
         asked for; m is the number of states and of free parameters.
     late : array, shape (knots, directions)
         How the time of the event at each knot changes; not a number where there is none.
-    made : list of Piece
     piece : array of int, shape (knots,)
         Which of them the step is in that begins at each knot.
     corners, grazings : tuple of float
@@ -111,17 +110,12 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
 
     Parameters
     ----------
-    trajectory : Trajectory
     pieces : Pieces
         Smooth pieces of its system; their free parameters p are differentiated for, too.
     directions : array, shape (m, directions), optional
         Changes of the first (state, p); by default every component by itself. They have to keep the
         constraints of the first mode: what sticks is not pushed, what slides without mass stays on
         its threshold.
-
-    Returns
-    -------
-    Variation
     """
     run = _prepared(trajectory, pieces, directions, modal=True)
     listed = pieces.listed

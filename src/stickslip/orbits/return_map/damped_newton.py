@@ -51,10 +51,9 @@ class NotClosed(ConvergenceError):
         self.miss = miss
         super().__init__(
             f"a cycle of {shooting.problem.system.name}",
-            f"Newton's method did not converge; the nearest motion misses by {miss:.2g} of its "
-            "size after the period "
-            f"{orbit.period:.6g}, from {orbit.start}",
-            "Start nearer to the cycle, or with a motion that has settled",
+            f"Newton's method did not converge; the closest motion fails to close by {miss:.2g} "
+            f"of its size after the period {orbit.period:.6g}, from {orbit.start}",
+            "Choose a start closer to the cycle, or a motion that has settled",
         )
 
 
@@ -81,7 +80,6 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
 
     Parameters
     ----------
-    shooting : Shooting
     x : array
         Unknowns to start from.
     across : array, optional
@@ -284,8 +282,6 @@ class Closed:
 
     Attributes
     ----------
-    shooting : Shooting
-    orbit : Orbit
     slopes : dict
         What was asked of its derivatives (:mod:`.slopes`), by parameter.
     """

@@ -101,15 +101,15 @@ def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
         f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6
     )
     beside = (
-        "also beside translations"
+        "apart from translations"
         if shooting.symmetry.shifts.shape[1]
         else "although the system has no translation"
     )
     return Family(
         f"a cycle of {shooting.problem.system.name}",
-        f"the cycles come in a family, {beside}: the one of period "
-        f"{orbit.period:.9g} from {orbit.start} still closes if its state is moved along "
-        f"({along}), so that all of them are marginally stable",
-        "Nothing chooses one of them, such as damping or a contact that carries along what moves "
-        "freely; change the parameters, or start elsewhere",
+        f"the cycles form a continuous family, {beside}: the cycle of period {orbit.period:.9g} "
+        f"from {orbit.start} remains closed if its state is shifted along ({along}), so all of "
+        "them are marginally stable",
+        "Add damping or a contact that selects one of them, change the parameters, or choose "
+        "another start",
     )

@@ -57,7 +57,6 @@ class Touch:
     ----------
     margin : float
         By how much it is held there, relative to both thresholds, beyond :data:`HELD`.
-    leg : int
     slopes : array
         Derivatives by the directions of the variation of that leg.
     """

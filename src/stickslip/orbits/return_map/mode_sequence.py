@@ -90,13 +90,13 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     """Name of a change of the sequence, and what happens in words."""
     if is_open(after):
         missed = _difference(contacts, after[-2], after[0])
-        return LOSS, f"the motion no longer comes back to the phase it starts in: {missed}"
+        return LOSS, f"the motion no longer returns to the phase in which it starts: {missed}"
     for i, name in enumerate(contacts):
         if not name.startswith(NORMAL):
             continue
         own = name.removeprefix(NORMAL)
         for mode, kind, said in (
-            (_IMPACT, "grazing impact", ("is struck", "is no longer struck")),
+            (_IMPACT, "grazing impact", ("has an impact", "has no impact any more")),
             (0, "loss of contact", ("begins to stay closed", "no longer stays closed")),
         ):
             was, comes = (any(modes[i] == mode for modes, _ in s) for s in (before, after))
@@ -152,10 +152,10 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
 
     def said(contact: str, m: int, n: int) -> str:
         if not contact:
-            return "the force of a constraint changes its sign"
+            return "the force of a constraint changes sign"
         if contact.startswith(NORMAL):
             own = contact.removeprefix(NORMAL)
-            words = "is struck" if _IMPACT in (m, n) else "is about to open or to close"
+            words = "has an impact" if _IMPACT in (m, n) else "is about to open or to close"
             return f"contact '{own}' {words}"
         in_plane = contacts.count(contact) > 1
         between = " and ".join(mode_name(each, in_plane) for each in (max(m, n), min(m, n)))
@@ -248,7 +248,6 @@ def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
 
     Parameters
     ----------
-    motion : Trajectory
     parts : array of int, shape (steps,), optional
         Equal parts of each step that have nodes of their own; by default one.
     """
@@ -268,7 +267,6 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
 
     Parameters
     ----------
-    motion : Trajectory
     piece : Piece
         That of the phase.
     a, b : int
@@ -337,8 +335,6 @@ def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> l
 
     Parameters
     ----------
-    motion : Trajectory
-    pieces : Pieces
     a, b : int
         First knots of a phase, and of the next one.
     p : array, shape (parameters,)
@@ -370,7 +366,6 @@ def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
         That of a mode in which it sticks.
     switch : int
         Number of the contact.
-    t : float
     y : array, shape (n,)
     p : array, shape (parameters,)
     """

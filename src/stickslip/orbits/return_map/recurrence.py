@@ -41,7 +41,6 @@ class Recurrence:
     ----------
     time, state
         The state and when it is passed.
-    period : float
     turns : int
         Periods of the drives in it.
     shift : array, shape (n,)
@@ -64,16 +63,13 @@ class Window:
 
     Attributes
     ----------
-    trajectory : Trajectory
     times, states : arrays, shapes (points,) and (points, n)
     index : array of int
         Step of each point.
-    symmetry : Symmetry
     clock : Clock or None
         Of driven systems.
     sizes : array, shape (n,)
         Half the range of each component, up to drift.
-    surroundings : Surroundings
     """
 
     trajectory: Trajectory

@@ -91,8 +91,6 @@ def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[
 
     Parameters
     ----------
-    problem : Problem
-    start, end : float
     states : array, shape (motions, n)
     """
     from stickslip.motion.ensemble import Lanes
@@ -194,8 +192,6 @@ def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes:
     ----------
     part : float
         See :class:`Station`.
-    piece : Piece
-    t : float
     y : array, shape (n,)
     p : array, shape (parameters,)
     sizes : array, shape (n,)
@@ -220,7 +216,6 @@ class Leg:
         Parts of the period.
     place : Place
         Where it starts.
-    motion : Trajectory
     change : Variation
         Its directions are those of the station's coordinates, then a later start, then the
         parameter.
@@ -251,7 +246,6 @@ class Setting:
 
     Attributes
     ----------
-    symmetry : Symmetry
     surroundings : Surroundings
         With which the symmetry is found for other parameters.
     clock : Clock or None
@@ -304,11 +298,8 @@ class Orbit:
     ----------
     x : array
         Unknowns: coordinates of all stations, period, drifts, and the parameter if it is free.
-    problem : Problem
-    period : float
     shift : array, shape (n,)
         State one period later minus state.
-    legs : list of Leg
     F, J : arrays
         Residual and derivative.
     """
@@ -352,13 +343,10 @@ class Shooting:
 
     Parameters
     ----------
-    problem : Problem
     pieces : Pieces
         With the free parameter, if there is one; it is then the last component of x.
-    stations : sequence of Station
     start : float
         Time of the first station.
-    setting : Setting
     """
 
     def __init__(

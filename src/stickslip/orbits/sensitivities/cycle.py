@@ -40,7 +40,6 @@ class Moved:
 
     Attributes
     ----------
-    period : float
     shift, state : arrays, shape (states,)
         Of the shift in a period, and of the state at which the period starts.
     ends : array, shape (states, 2)
@@ -66,7 +65,6 @@ def cycle_sensitivity(
 
     Parameters
     ----------
-    cycle : Cycle
     names : sequence of str
         Parameters.
     multipliers : bool
@@ -88,12 +86,12 @@ def cycle_sensitivity(
     for name in names:
         if name not in cycle.parameters:
             remedy = suggestion(name, cycle.parameters)
-            raise DeclarationError(f"sensitivity: {name}", "no parameter has this name", remedy)
+            raise DeclarationError(f"sensitivity: {name}", "unknown parameter", remedy)
     if not cycle.differentiable:
         raise DeclarationError(
             "sensitivity",
-            "the cycle has no derivative: events coincide, or a guard is touched",
-            "Change a parameter a little, or follow its branch: such points have a name there",
+            "the cycle is not differentiable: events coincide, or a guard is touched tangentially",
+            "Change a parameter slightly, or follow the branch, which reports such special points",
         )
     system = cycle.system
     coordinates = {

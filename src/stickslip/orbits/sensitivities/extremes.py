@@ -63,7 +63,6 @@ def slopes_of_extremes(
         With the parameter.
     change : (array, float)
         Derivatives of the first state, and of the period.
-    followed : sequence of Traced
     """
     k = motion.knots
     direction = np.append(change[0], 1.0)[:, None]

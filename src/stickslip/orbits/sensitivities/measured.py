@@ -47,7 +47,6 @@ def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dic
 
     Parameters
     ----------
-    cycle : Cycle
     names : sequence of str
         Parameters.
     of : sequence of str
@@ -62,7 +61,7 @@ def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dic
     """
     for text in of:
         if text.partition(":")[0] not in _RULES:
-            reason = "no measure with a derivative has this name"
+            reason = "unknown measure, or a measure without derivative"
             name = short(text.partition(":")[0])
             raise DeclarationError(f"of: {short(text)}", reason, suggestion(name, _RULES))
     found = {text: np.empty(len(names)) for text in of}
@@ -93,10 +92,8 @@ class _Changing:
 
     Parameters
     ----------
-    cycle : Cycle
     name : str
         The parameter.
-    slope : CycleSlope
     """
 
     def __init__(self, cycle: Cycle, name: str, slope: CycleSlope) -> None:
@@ -184,7 +181,7 @@ class _Changing:
         if np.any(unknown > _KNOWN * total[:, 0]):
             raise ConvergenceError(
                 f"the derivative of the integral of {short(observed.name)}",
-                f"it is known to {np.max(unknown / total[:, 0]):.1g} of its terms only",
+                f"its relative accuracy is only {np.max(unknown / total[:, 0]):.1g}",
             )
         late = self.varied.late[:, 0]
         moved = 0.0
@@ -263,7 +260,7 @@ class _Changing:
         state = self.cycle.system.declaration.state
         if text and text not in state:
             raise DeclarationError(
-                f"of: {short(text)}", "no component of the state", suggestion(text, state)
+                f"of: {short(text)}", "not a component of the state", suggestion(text, state)
             )
         along = {text: 1.0} if text else self.cycle.direction
         if not along:
@@ -300,7 +297,7 @@ def _energy(c: _Changing, of: str) -> _Value:
     system = c.cycle.system
     if of not in system.rubbing:
         raise DeclarationError(
-            f"of: energy_per_cycle:{short(of)}", "no contact", suggestion(of, system.rubbing)
+            f"of: energy_per_cycle:{short(of)}", "unknown contact", suggestion(of, system.rubbing)
         )
     keys = map(contact_key, system.rubbing[of])
     power = " + ".join(f"friction_{key}*slip_speed_{key}" for key in keys)

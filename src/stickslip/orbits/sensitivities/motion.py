@@ -48,10 +48,8 @@ class Sensitivity:
 
     Attributes
     ----------
-    trajectory : Trajectory
     names : tuple of str
         Parameters, and components of the state for their initial values.
-    observed : tuple of str
     times : array, shape (times,)
     values : array, shape (quantities, times)
         The quantities themselves (right limits where they jump).
@@ -87,7 +85,6 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 
     Parameters
     ----------
-    found : Sensitivity
     compared : bool
         Whether differences of motions stand beside them.
     """
@@ -155,7 +152,6 @@ def sensitivities(
 
     Parameters
     ----------
-    trajectory : Trajectory
     names : sequence of str
         Parameters; and components of the state, for their initial values. Without any, only the
         quantities are told.
@@ -168,10 +164,6 @@ def sensitivities(
         long as the motion.
     start : array, shape (states, names), optional
         How the initial state changes with each name besides: where it is a function of parameters.
-
-    Returns
-    -------
-    Sensitivity
 
     Raises
     ------
@@ -229,12 +221,12 @@ def follow(
             if row := trajectory.system.unknown(name):
                 raise DeclarationError(
                     f"sensitivity: {name}",
-                    "an unknown of a structure, and the state has its modes",
-                    f"Ask for the amplitudes of modes, such as {next(iter(row))}",
+                    "a degree of freedom of a structure; the state has its modes",
+                    f"Use the amplitudes of modes, such as {next(iter(row))}",
                 )
             raise DeclarationError(
                 f"sensitivity: {name}",
-                "no parameter, and no part of the state, has this name",
+                "unknown parameter or part of the state",
                 suggestion(name, known),
             )
     free = tuple(dict.fromkeys(name for name in names if name not in state))
@@ -248,7 +240,9 @@ def follow(
     refused = _begin(trajectory, pieces, directions)
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
-    missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
+    missing += [
+        (t, "events coincide that are separate in neighbouring motions") for t in found.corners
+    ]
     missing += [(t, found.reasons.get(t, TOUCHED)) for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
@@ -268,7 +262,6 @@ def at_events(
 
     Parameters
     ----------
-    trajectory : Trajectory
     events : array of int, shape (events,)
         Their knots, at which the state does not jump.
     names : sequence of str
@@ -295,7 +288,7 @@ def at_events(
         raise DeclarationError(
             "events",
             f"the state jumps in the impact at t = {when:.9g}",
-            "Observe only the times of impacts",
+            "Use the times of impacts only",
         )
     found, missing = follow(trajectory, trajectory, names, start, touching)
     equations = trajectory._problem.compiled.equations
@@ -331,7 +324,7 @@ def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Arr
     when = np.atleast_1d(np.asarray(times, float))
     if when.ndim != 1 or not np.all((when >= first) & (when <= last)):
         raise DeclarationError(
-            "times", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+            "times", "a time is outside the computed time span", f"Use {first:g} <= t <= {last:g}"
         )
     return when
 
@@ -399,7 +392,6 @@ def _begins_at_boundary(
 
     Parameters
     ----------
-    pieces : Pieces
     piece : Piece
         The first one.
     at : float, array, array
@@ -426,7 +418,7 @@ def _begins_at_boundary(
         other = -piece.field.mode[contact] if reverse else guard.to
         beyond = pieces(*piece.switched(guard.switch, other)).rates(t, y, p)
         if np.max(np.abs(beyond - here.rates)) > _KEEPS * np.max(np.abs(here.rates)):
-            return "it begins on a boundary, on the other side of which rates are others"
+            return "it begins on a boundary at which the rates are discontinuous"
     return ""
 
 
@@ -487,8 +479,6 @@ def _gathered(
         Names, and quantities.
     where : arrays, shape (times,)
         Times, and their knots.
-    found : Variation
-    missing : list of (float, str)
     """
     names, observed = asked
     when, place = where
@@ -518,10 +508,6 @@ def _gathered(
 def second_opinion(found: Sensitivity) -> Array:
     """The same derivatives of the state at the end of the motion, by Richardson's extrapolation of
     differences of motions; not a number where such motions do not come to the end.
-
-    Parameters
-    ----------
-    found : Sensitivity
 
     Returns
     -------

@@ -92,10 +92,10 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     declared = system.declaration.results
     known = {*system.declaration.published, *system.parameters, *system.outputs, "t"}
     refused = {
-        name: f"{name} is summed up along the way and has no formula; take powers or forces"
+        name: f"{name} is an integral along the motion and has no formula; use powers or forces"
         for name in _SUMMED_UP
     }
-    refused |= {f"mode_{key}": "modes are whole numbers" for key in trajectory.modes}
+    refused |= {f"mode_{key}": "modes are integers" for key in trajectory.modes}
     names = {name: e for name, e in declared.names.items() if name not in refused}
     refused |= declared.forbidden
     scope = Scope(names, declared.definitions, refused, vectors=declared.vectors)
@@ -106,15 +106,16 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
         if NAME.fullmatch(text) and text not in {*names, *refused, *callable_names}:
             raise DeclarationError(
                 f"of: {text}",
-                "no quantity of this motion has this name",
+                "unknown quantity",
                 suggestion(text, sorted(known)),
             )
         formula = scope.parse(text, f"of: {text}")
         if any(e.op == "select" and e.args[0] not in kinks for e in ex.walk([formula])):
             raise DeclarationError(
                 f"of: {text}",
-                "it has a kink that the motion does not have: no derivative everywhere",
-                "Observe a smooth formula, or one whose kinks are those of the system",
+                "it has a kink that the motion does not have, so it is not differentiable "
+                "everywhere",
+                "Use a smooth formula, or one whose kinks are those of the system",
             )
         found.append(Observation(text, formula))
     return tuple(found)
@@ -140,9 +141,6 @@ def gradient(
 
     Parameters
     ----------
-    equations : MotionEquations
-    piece : Piece
-    observed : tuple of Observation
     at : arrays, shapes (points,) and (states, points)
         Times and states.
     p : array, shape (parameters,)
@@ -157,7 +155,7 @@ def gradient(
             raise DeclarationError(
                 f"of: {min(unknown)}",
                 "it has no formula in this mode",
-                "Observe parts of the state",
+                "Use parts of the state",
             )
         columns = (*piece.columns, "t")
         wanted = [e for f in formulas for e in (f, *(ex.derivative(f, c) for c in columns))]

@@ -34,8 +34,10 @@ def touched(trajectory: Trajectory, pieces: Pieces) -> list[tuple[float, str]]:
         for dip in dips(trajectory, pieces(k.mode[a], k.region[a]), a, b, p, looks):
             when, least = dip.refined() if dip.value < _WORTH else (0.0, 1.0)
             if least <= _TOUCHED:
-                found.append((when, "a guard is touched without being crossed"))
+                found.append((when, "a guard is touched tangentially"))
     for (_, a), (b, _) in pairwise(stretches):
         if min(reversals(trajectory, pieces, a, b, p), default=1.0) <= _TOUCHED:
-            found.append((float(k.time[b]), "a contact slips back where it could as well stick"))
+            found.append(
+                (float(k.time[b]), "a contact reverses its slip where it could also stick")
+            )
     return found

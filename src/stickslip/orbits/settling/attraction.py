@@ -36,7 +36,6 @@ class Attraction:
 
     Parameters
     ----------
-    problem : Problem
     pieces : Pieces
         Of its system; receives the fields of the modes that are met.
     table : array, shape (lanes, parameters)

@@ -67,20 +67,20 @@ MEASURED = (*ATTRACTORS, *UNSETTLED)
 
 @dataclass(frozen=True)
 class Settings:
-    """How a motion settles, and with which accuracy it is computed.
+    """Criteria for settled motions, and the accuracy of motions.
 
     Attributes
     ----------
     tolerance : float
-        A motion has settled when what is still missing to its cycle or equilibrium is below this
-        part of its size.
+        A motion has settled when its distance from the cycle or equilibrium, relative to its size,
+        is below this tolerance.
     max_time : float, optional
-        When it is given up; by default after 100 times the span of the system, or, where it is
-        pulled over a lattice, after 100 periods of that if this is later.
+        Time at which a motion is abandoned; by default 100 times the span of the system or, if it
+        is pulled over a lattice, 100 periods of the lattice if that is later.
     max_cycles : int
-        … or after so many cycles.
+        Number of cycles after which a motion is abandoned.
     longest_cycle : int
-        Most events (those that coincide are one), or periods of the drive, that a cycle may have.
+        Maximum number of events (coincident events count once), or of drive periods, of a cycle.
     rtol, atol, max_events
         As in :func:`stickslip.simulate`.
     """
@@ -101,12 +101,12 @@ class Settings:
             )
         if self.max_time is not None and not 0.0 < self.max_time < np.inf:
             raise DeclarationError(
-                "max_time", f"{self.max_time!r} is no duration", "Give a positive number"
+                "max_time", f"{self.max_time!r} is not a duration", "Give a positive number"
             )
         for name in ("max_cycles", "max_events"):
             if getattr(self, name) < 1:
                 raise DeclarationError(
-                    name, f"{getattr(self, name)} is not positive", "Allow at least one"
+                    name, f"{getattr(self, name)} is not positive", "Give at least 1"
                 )
         if not 4 <= self.longest_cycle <= 4096:
             raise DeclarationError(
@@ -390,7 +390,6 @@ class Block:
 
         Parameters
         ----------
-        loops : Loops
         known : bool
             Whether their exponents are known; else they are measured, in stretches so short that it
             takes no longer than the motion itself.

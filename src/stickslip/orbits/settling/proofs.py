@@ -83,9 +83,7 @@ class Prover:
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (motions, parameters)
-    rules : Rules
 
     Attributes
     ----------
@@ -127,10 +125,8 @@ class Prover:
 
         Parameters
         ----------
-        lanes : Lanes
         engine : Engine
             Their compiled loop.
-        settling : Marks, Rules, Lane and Bench
         """
         marks, _, saved, _ = settling
         self._take_back(engine, settling)
@@ -252,12 +248,10 @@ def affine_fates(
 
     Parameters
     ----------
-    lanes : Lanes
     index : array of int, shape (k,)
         Which lanes.
     slot : array of int, shape (k,)
         Places of the closed forms of their modes.
-    marks : Marks
     saved : Lane
         Where they are.
     shifts : array, shape (translations, n)

@@ -25,12 +25,7 @@ _WHOLE = 1e-9  # relative distance from a whole number of periods
 
 @dataclass(frozen=True)
 class Repetition:
-    """What time does to a system.
-
-    Attributes
-    ----------
-    equations : MotionEquations
-    """
+    """What time does to a system."""
 
     equations: MotionEquations
 
@@ -53,7 +48,6 @@ class Repetition:
             Parameters.
         frame : mapping of str to float
             Velocity of each state in the frame.
-        time : float
         """
         velocity = {"t": 1.0, **{name: v for name, v in frame.items() if v != 0.0}}
         numbers = {name: ex.num(value) for name, value in values.items()}

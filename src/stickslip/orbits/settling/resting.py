@@ -30,10 +30,7 @@ class MotionPoint(NamedTuple):
 
     Attributes
     ----------
-    time : float
     state : array, shape (n,)
-    parameters : array
-    mode, region : arrays of int8
     units : array, shape (n,)
         Largest modulus of each component on the way.
     frame : array, shape (n,)

@@ -56,7 +56,6 @@ def settle_motion(
 
     Parameters
     ----------
-    problem : Problem
     time : float
         When it starts.
     state : array, shape (n,)

@@ -36,8 +36,6 @@ def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
 
     Parameters
     ----------
-    marks : Marks
-    rules : Rules
     i : int
         The lane.
     """

@@ -64,7 +64,6 @@ class AtAmplitude:
 
     Attributes
     ----------
-    cycle : Cycle
     amplitude, measured : float
         What was wanted, and what it has.
     """
@@ -81,8 +80,6 @@ class Amplitudes:
     ----------
     system : System
         A self-excited one.
-    values : mapping of str to float
-    mode : LinearMode
     coordinate : str
         Whose amplitude it is.
     """
@@ -158,7 +155,7 @@ class Amplitudes:
                 raise ConvergenceError(
                     f"a backbone of {self.system.name}",
                     "the motion comes to rest within a period",
-                    "Give larger amplitudes",
+                    "Choose larger amplitudes",
                 )
         problem = self.problem.at(EXCITATION, excitation)
         motion = follow_state(problem, 0.0, 2.5 * period, y)
@@ -207,9 +204,9 @@ class Amplitudes:
         if not miss <= CLOSED:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                f"Newton's method did not converge at the amplitude {amplitude:.6g}; the nearest "
-                f"motion misses by {miss:.2g}",
-                "Give another range of amplitudes, or start elsewhere in it",
+                f"Newton's method did not converge at the amplitude {amplitude:.6g}; the closest "
+                f"motion fails to close by {miss:.2g}",
+                "Choose another range of amplitudes",
             )
         _check(shooting, orbit)
         return shooting, orbit
@@ -243,7 +240,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"no cycle was found: the excitation became {x[-1]:.4g}",
-                "Give other amplitudes",
+                "Choose other amplitudes",
             )
         return shooting.orbit(x)
 
@@ -301,8 +298,8 @@ class Amplitudes:
         if not np.all(np.isfinite(orbit.J)):
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                "the cycle has no derivative",
-                "Give more points, or other amplitudes",
+                "the cycle is not differentiable",
+                "Use more points, or other amplitudes",
             )
         tangent = np.linalg.svd(orbit.J * units)[2][-1]
         slope = float((self.slopes(shooting, orbit) * units) @ tangent)
@@ -310,7 +307,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"the amplitude of {self.coordinate} does not change along it",
-                "Give another coordinate",
+                "Choose another coordinate",
             )
         return tangent, slope
 
@@ -324,7 +321,6 @@ class Amplitudes:
 
         Parameters
         ----------
-        first : (Shooting, Orbit)
         amplitudes : array
             In the order in which they are taken.
         found : callable
@@ -367,7 +363,7 @@ class Amplitudes:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"at the amplitude {aim:.6g} only a cycle of period {new[1].period:.6g} was found",
-                "Give more points",
+                "Use more points",
             )
         return self._certified(*new)
 
@@ -377,8 +373,8 @@ class Amplitudes:
         if not certificate.ok:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                f"the cycle that was found is {certificate.verdict}",
-                "Give more points, or other amplitudes",
+                f"the cycle found is {certificate.verdict}",
+                "Use more points, or other amplitudes",
             )
         return shooting, orbit
 
@@ -402,9 +398,11 @@ def _check(shooting: Shooting, orbit: Orbit) -> None:
         k = leg.motion.knots
         a = segments(leg.motion)[0][0]
         if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
-            raise ConvergenceError("a backbone", "the cycle starts in another mode", "Step less")
+            raise ConvergenceError(
+                "a backbone", "the cycle starts in another mode", "Use smaller steps"
+            )
     if shooting.miss(orbit) > NOT_CLOSED:
-        raise ConvergenceError("a backbone", "the cycle ends in another mode", "Step less")
+        raise ConvergenceError("a backbone", "the cycle ends in another mode", "Use smaller steps")
 
 
 def _ends(motion: Trajectory, row: Array, rates: Array) -> tuple[float, float, tuple[float, float]]:

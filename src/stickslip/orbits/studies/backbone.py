@@ -60,21 +60,22 @@ class Backbone(Result):
     system : System
     parameters : dict of str to float
     coordinate : str
-        Whose amplitude it is.
+        The coordinate of the amplitude.
     mode : int
-        Number of the linear mode that it begins with, the lowest being 1.
+        Number of the linear mode at which the backbone starts; 1 is the lowest.
     linear_frequency : float
-        Angular frequency of that mode, whose sliders stick.
+        Angular frequency of that mode, with sticking sliders.
     dataset : xarray.Dataset
-        Over ``point``, by rising ``amplitude`` (half the range of the coordinate): ``frequency`` ω,
-        ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the largest kinetic
-        energy), ``dissipated`` in a period, ``dissipated_…`` in each contact, ``stick`` (share of
-        the period in which all contacts stick), ``slips`` (0 where no contact slips), ``harmonic``
-        (of the coordinate, its modulus).
+        Over ``point``, by increasing ``amplitude`` (half the range of the coordinate):
+        ``frequency`` ω, ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the
+        largest kinetic energy), ``dissipated`` per period, ``dissipated_…`` in each contact,
+        ``stick`` (fraction of the period in which all contacts stick), ``slips`` (0 where no
+        contact slips), ``harmonic`` (of the coordinate, its modulus).
     notes : list of str
         Amplitudes at which no cycle was found, and why.
     complete, time_up : bool
-        Whether all was followed; if not, whether the time limit ended it, or the user.
+        Whether the computation was completed; if not, whether the time limit or the user stopped
+        it.
     """
 
     KIND: ClassVar[str] = "backbone"
@@ -118,7 +119,7 @@ class Backbone(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the backbone."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -130,11 +131,11 @@ class Backbone(Result):
 
     @property
     def message(self) -> str:
-        """How many amplitudes there are, and where there is none."""
+        """Number of amplitudes, and amplitudes without a cycle."""
         return "\n".join([f"amplitudes: {self.dataset.sizes['point']}", *self.notes])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         top = int(np.argmax(self.damping))
         return {
@@ -154,7 +155,7 @@ class Backbone(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         units = {name: str(data[name].attrs.get("units", "1")) for name in data.data_vars}
         top = int(np.argmax(self.damping))
@@ -208,7 +209,7 @@ class Backbone(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A backbone as it was."""
+        """Restore a stored backbone."""
         from stickslip.model.system_file import loads
 
         coordinate, mode, frequency = json.loads(parts["mode"])
@@ -237,41 +238,42 @@ def backbone(
     points: int = 30,
     time_limit: float | None = None,
 ) -> Backbone:
-    """Frequency and damping of a mode over its amplitude, by the extended periodic motion concept.
+    """Compute frequency and damping of a mode over its amplitude, by the extended periodic motion
+    concept.
 
     Parameters
     ----------
     system : System
-        With a constant mass matrix and without a drive: where time acts, the parameter that is its
-        amplitude is zero, or the drive is configured as 0.
+        A system with a constant mass matrix and without a drive: set the amplitude of a drive to
+        zero, or configure the drive as 0.
     amplitudes : (float, float)
-        The smallest and the largest, positive; half the range of the coordinate.
+        Smallest and largest amplitude, positive. The amplitude is half the range of the coordinate.
     coordinate : str, optional
         An inertial coordinate, or an unknown of a structure, such as ``"u[tip]"``; by default the
         first inertial coordinate.
     mode : int
-        Number of the linear mode to begin with, the lowest being 1. Where the mode is taken,
-        sliders behind springs stick, and contacts of coordinates with mass are left out.
+        Number of the linear mode to start from; 1 is the lowest. For the linear mode, sliders
+        behind springs stick, and contacts of coordinates with mass are omitted.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     points : int
-        Amplitudes, from the smallest to the largest in equal ratios.
+        Number of amplitudes, spaced geometrically.
     time_limit : float, optional
-        Seconds of wall-clock time after which the backbone is what was found.
+        Wall-clock limit in seconds; the backbone found so far is returned.
 
     Returns
     -------
     Backbone
-        Every point of it is a certified cycle of the system with the additional force ξ M q', and
-        has ω = 2π/T and D = ξ/(2ω).
+        Every point is a certified cycle of the system with the additional force ξ M q', with ω =
+        2π/T and D = ξ/(2ω).
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, time drives the system, the state jumps, or the mass matrix is not
-        constant.
+        If an argument is wrong, the system depends on time, the state jumps, or the mass matrix is
+        not constant.
     ConvergenceError
-        If there is no cycle at any of the amplitudes.
+        If no cycle is found at any amplitude.
 
     Examples
     --------
@@ -294,7 +296,7 @@ def backbone(
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
-            "mode", f"there is no mode {mode}", f"It has {len(modes)}; 1 is the lowest"
+            "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
     seeker = Amplitudes(excited, values, chosen, coordinate)
@@ -310,7 +312,7 @@ def backbone(
             ended = why
     if not work.found:
         raise work.failure or ConvergenceError(
-            f"a backbone of {system.name}", "no cycle was found", "Give other amplitudes"
+            f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
     return _result(system, values, coordinate, mode, chosen, work, ended)
 
@@ -326,7 +328,7 @@ def _checked_coordinate(system: System, coordinate: str | None) -> str:
         coordinate[:2] != "d_" and system.unknown(coordinate).keys() & set(inertial)
     ):
         known = suggestion(coordinate, [*own, *unknowns])
-        raise DeclarationError("coordinate", f"no '{coordinate}' has a mass", known)
+        raise DeclarationError("coordinate", f"there is no '{coordinate}' with a mass", known)
     return coordinate
 
 
@@ -512,6 +514,6 @@ def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
             f"dissipated_{contact_key(c)}": described_as(f"energy per cycle in {c}", unit)
             for c in system.contacts
         },
-        "stick": described_as("share of the time in stick", "1"),
+        "stick": described(system, "stick_fraction"),
         "slips": described_as("whether a contact slips", "1"),
     }

@@ -41,7 +41,6 @@ class Threshold:
 
     Attributes
     ----------
-    parameter : str
     still, moving : float
         The values found nearest to each other, without and with motion.
     gait : Cycle or None
@@ -64,18 +63,18 @@ class Threshold:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitStudy(Result):
-    """The stable gait of a system over a parameter.
+    """Stable gaits of a system over a parameter.
 
     Attributes
     ----------
     system : System
     parameter : str
     parameters : dict of str to float
-        Of the others.
+        Values of the other parameters.
     dataset : xarray.Dataset
         Over the parameter.
     certificate : Certificate
-        Every residual of the gaits where it is worst.
+        The largest value of every residual over all gaits.
     """
 
     KIND: ClassVar[str] = "gait study"
@@ -99,7 +98,7 @@ class GaitStudy(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the study."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -110,7 +109,7 @@ class GaitStudy(Result):
 
     @property
     def message(self) -> str:
-        """Where it walks, and why not elsewhere."""
+        """Range in which the system walks, and reasons for its end."""
         notes = [str(note) for note in np.unique(self.dataset["note"].values) if note]
         return "; ".join([self._where, *notes])
 
@@ -118,16 +117,16 @@ class GaitStudy(Result):
     def _where(self) -> str:
         values = self.dataset[self.parameter].values[self.dataset["walks"].values.astype(bool)]
         if not len(values):
-            return "it walks nowhere"
+            return "it does not walk at any value"
         return f"it walks between {self.parameter} = {values.min():.6g} and {values.max():.6g}"
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         columns = {str(name): self.dataset[name].values.tolist() for name in self.dataset.variables}
         return {**self.system.heading(), "parameter": self.parameter, **columns}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         speed = self.dataset["speed"]
         low = f"{float(speed.min()):.6g}"
         high = with_unit(float(speed.max()), speed.attrs["units"], 6)
@@ -148,7 +147,7 @@ class GaitStudy(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A study as it was."""
+        """Restore a stored study."""
         from stickslip.model.system_file import loads
 
         return cls(
@@ -170,7 +169,7 @@ def gait_study(
     parameters: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> GaitStudy:
-    """The stable gait of a system over a parameter.
+    """Stable gaits of a system over a parameter.
 
     Parameters
     ----------
@@ -178,12 +177,12 @@ def gait_study(
     parameter : str
     values : sequence of float
     initial : mapping of str to float, optional
-        State from which the first gait is looked for; by default the declared one. Each next one
-        starts from the last.
+        Initial state of the search for the first gait; by default the declared one. Each further
+        search starts from the previous gait.
     parameters : mapping of str to float, optional
         Values of the others.
     progress : callable, optional
-        Called with the fraction done before each gait.
+        Called with the completed fraction before each gait.
 
     Returns
     -------
@@ -247,28 +246,28 @@ def walking_threshold(
     parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
-    """The parameter at which the stable gait appears.
+    """Find the parameter value at which the stable gait appears.
 
-    It is followed from the end of the span at which it exists, so that a gait that coexists with
-    rest is not lost.
+    The gait is followed from the end of the range at which it exists, so that a gait that coexists
+    with rest is not lost.
 
     Parameters
     ----------
     system : System
     parameter : str
     span : (float, float)
-        With a gait at one end and none at the other.
+        A range with a gait at one end only.
     initial : mapping of str to float, optional
-        State from which the gait is looked for; by default the declared one.
+        Initial state of the search for the gait; by default the declared one.
     parameters : mapping of str to float, optional
         Values of the others.
     tolerance : float
-        Of the parameter, relative to the span.
+        Tolerance of the parameter, relative to the range.
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or both ends are of one kind.
+        If an argument is wrong, or both ends have the same behaviour.
     """
 
     def test(value: float, last: Cycle | None) -> Cycle | str:
@@ -287,14 +286,14 @@ def sliding_threshold(
     parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
 ) -> Threshold:
-    """The parameter at which a state of rest begins to slide.
+    """Find the parameter value at which a state of rest begins to slide.
 
     Parameters
     ----------
     system : System
     parameter : str
     span : (float, float)
-        At rest at one end, sliding at the other.
+        A range with rest at one end and sliding at the other.
     initial : mapping of str to float
         The state of rest.
     parameters, tolerance
@@ -303,7 +302,7 @@ def sliding_threshold(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, or both ends are of one kind.
+        If an argument is wrong, or both ends have the same behaviour.
     """
 
     def test(value: float, last: Cycle | None) -> Cycle | str | None:
@@ -327,12 +326,12 @@ def _bisect(
     low, high = (test(end, None) for end in ends)
     if isinstance(low, str) == isinstance(high, str):
         what = (
-            f"it stays at rest at both ends ({low})"
+            f"the system stays at rest at both ends of the range ({low})"
             if isinstance(low, str)
-            else "it moves at both ends"
+            else "the system moves at both ends of the range"
         )
         raise DeclarationError(
-            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Give a span with a change inside"
+            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Choose a range in which this changes"
         )
     (still, reason), (moving, motion) = sorted(
         zip(ends, (low, high), strict=True), key=lambda e: not isinstance(e[1], str)

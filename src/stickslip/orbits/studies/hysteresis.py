@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-14  # a slope, relative to the values of a curve, that counts as 0
 _AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
 _REMEDY = (
-    "Two rate-independent coordinates that only their distance and one other coordinate couple "
-    "are needed"
+    "The system needs two rate-independent coordinates that are coupled only by their distance "
+    "and one other coordinate"
 )
 
 
@@ -126,9 +126,9 @@ class HysteresisOperator:
     input : str
         Name of ψ.
     output : (str, str)
-        The coordinates whose difference d is.
+        The coordinates whose difference is d.
     legs : dict of str to (Curve, Curve)
-        By contact: its own lower and upper bound, such as G_R⁻, G_R⁺.
+        Lower and upper bounds of each contact, such as G_R⁻, G_R⁺.
     """
 
     input: str
@@ -161,7 +161,7 @@ class HysteresisOperator:
         if np.any(over > 0.0):
             where = f"{declared.driver} = {x[np.argmax(over)]:.6g}"
             raise DeclarationError(
-                system.name, f"no d is stable at {where}: G- is above G+", "Lower the load"
+                system.name, f"no d is stable at {where}, where G- exceeds G+", "Reduce the load"
             )
         return found
 
@@ -215,15 +215,15 @@ class HysteresisOperator:
         if not (len(peaks) and len(valleys)):
             raise DeclarationError(
                 self.input,
-                "G- has no peak or G+ no valley: the legs do not alternate",
-                "Raise H_star or lower c",
+                "G- has no maximum or G+ has no minimum: the legs do not alternate",
+                "Increase H_star, or reduce c",
             )
         return float(peaks[0]), float(valleys[-1])
 
     # -- the operator ------------------------------------------------------------------------------
 
     def swing(self, start: float, end: float) -> tuple[float, float]:
-        """What a monotone swing of ψ does: d ↦ clip(d, low, high).
+        """Effect of a monotone change of ψ: d ↦ clip(d, low, high).
 
         Returns
         -------
@@ -330,12 +330,9 @@ class _Declared:
 
     Attributes
     ----------
-    driver : str
-    pair : (str, str)
     contacts : dict of str to (Expr, Expr, Expr)
         By contact: force λ and thresholds s⁺, s⁻, in the driver and the first of the pair (the
         other is 0).
-    kinks : list of Expr
     """
 
     driver: str
@@ -374,7 +371,7 @@ class _Declared:
         if len(used) != 1 or next(iter(used)) not in d.state:
             what = ", ".join(sorted(used)) or "nothing"
             raise DeclarationError(
-                system.name, f"their friction depends on {what}, not on one other state", _REMEDY
+                system.name, f"the friction depends on {what}, not on a single other state", _REMEDY
             )
         driver = next(iter(used))
         kinks = [g for g in kinks if g.symbols == frozenset({driver})]
@@ -389,7 +386,7 @@ class _Declared:
             bends = ex.bends(force, self.pair[:1])
             if bends or not ex.is_number(slope) or ex.number(slope) == 0.0:
                 raise DeclarationError(
-                    f"potential ({name})", f"its force is not affine in {self.pair[0]}", _REMEDY
+                    f"potential ({name})", f"the force is not affine in {self.pair[0]}", _REMEDY
                 )
             still = ex.substitute(force, {self.pair[0]: ex.ZERO})
             sides = [(-1.0 / ex.number(slope)) * (still + bound) for bound in (plus, -minus)]
@@ -404,7 +401,7 @@ class _Declared:
             slope = ex.derivative(g, self.driver)
             if not ex.is_number(slope):
                 raise DeclarationError(
-                    "functions", f"the corner at {ex.to_text(g)} = 0 is not that of a line", _REMEDY
+                    "functions", f"the kink at {ex.to_text(g)} = 0 is not affine", _REMEDY
                 )
             corners.append(-ex.evaluate(g, {self.driver: 0.0}) / ex.number(slope))
         return np.unique(corners)
@@ -424,7 +421,7 @@ class _Declared:
             raise DeclarationError(
                 f"contacts.'{name}'.threshold",
                 f"not piecewise affine in {self.driver}",
-                "Use simulate for other curves",
+                "Use simulate instead",
             )
         return curve
 

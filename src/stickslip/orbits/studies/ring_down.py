@@ -51,14 +51,14 @@ _SAMPLES = 4000  # of the motion, for pictures
 class RingDown(Result):
     """The decay of a free vibration, half-cycle by half-cycle.
 
-    ``ring_down.table`` is a pandas.DataFrame, one row a half-cycle.
+    ``ring_down.table`` is a pandas.DataFrame with one row per half-cycle.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
     coordinate : str
-        Whose vibration it is.
+        The vibrating coordinate.
     dataset : xarray.Dataset
         Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
         points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
@@ -70,13 +70,13 @@ class RingDown(Result):
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
-        Remarks: from where on the decay is not followed, or that amplitudes grow.
+        Remarks, such as the time after which the decay is not evaluated, or growing amplitudes.
     ended : str
-        How the motion ended, if not as it should.
+        Outcome of the motion, if it did not reach its end.
     interrupted, time_up : bool
         Whether the user, or the time limit, ended the motion.
     certificate : Certificate
-        That of the motion, with the velocities at the turning points.
+        The certificate of the motion, with the velocities at the turning points.
     """
 
     KIND: ClassVar[str] = "ring-down"
@@ -108,7 +108,7 @@ class RingDown(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the decay."""
+        """Title of the system."""
         return self.system.title or self.system.name
 
     @property
@@ -124,17 +124,17 @@ class RingDown(Result):
 
     @property
     def message(self) -> str:
-        """How many half-cycles there are, and how it ends."""
+        """Number of half-cycles, and the end of the motion."""
         last = self.dataset["turn_time"].values
-        rest = f"; at rest from t = {last[-1]:.9g} on" if self.stops else ""
-        count = f"{self.coordinate} swings through {_counted(len(self), 'half-cycle')}{rest}"
+        rest = f"; at rest from t = {last[-1]:.9g}" if self.stops else ""
+        count = f"{self.coordinate} makes {_counted(len(self), 'half-cycle')}{rest}"
         turns = _counted(len(last), "turning point")
-        none = f"{self.coordinate} does not swing: it has {turns}"
+        none = f"{self.coordinate} does not oscillate: it has {turns}"
         ended = [f"the motion ends early: {self.ended}"] if self.ended else []
         return "\n".join([count if len(self) else none, *ended, *self.notes])
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         data = self.dataset
         about: dict[str, Any] = {
             **self.system.heading(),
@@ -157,7 +157,7 @@ class RingDown(Result):
         return about
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         data = self.dataset
         rows = [("ring-down", f"of {self.coordinate}, {_counted(len(self), 'half-cycle')}")]
         for name, label in (("amplitude", "amplitude"), ("frequency", "frequency")):
@@ -168,7 +168,7 @@ class RingDown(Result):
             at = with_unit(float(data["turn_time"][-1]), unit, 6)
             unit = str(data["turn_position"].attrs.get("units", "1"))
             where = with_unit(float(data["turn_position"][-1]), unit, 6)
-            rows.append(("at rest", f"from t = {at} on, at {self.coordinate} = {where}"))
+            rows.append(("at rest", f"from t = {at}, at {self.coordinate} = {where}"))
         return [*rows, *shortened([("note", note) for note in self.notes])]
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -193,7 +193,7 @@ class RingDown(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A ring-down as it was."""
+        """Restore a stored ring-down."""
         from stickslip.model.system_file import loads
 
         interrupted, time_up = json.loads(parts["broken"])
@@ -225,40 +225,41 @@ def ring_down(
     time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RingDown:
-    """How a free vibration decays: amplitude, frequency and damping of every half-cycle.
+    """Analyse the decay of a free vibration: amplitude, frequency and damping of every half-cycle.
 
     Parameters
     ----------
     system : System
-        Nothing in it depends on time.
+        A system that does not depend on time.
     span : (float, float), optional
         Start and end of the motion; by default the system's own span.
     initial : mapping of str to float, optional
-        State from which it is let go; by default the declared one.
+        Initial state; by default the declared one.
     coordinate : str, optional
-        Whose vibration it is: an inertial coordinate, or an unknown of a structure, such as
-        ``"u[tip]"``; by default the first inertial coordinate, or the first unknown with a name.
+        The vibrating coordinate: an inertial coordinate, or a degree of freedom of a structure,
+        such as ``"u[tip]"``; by default the first inertial coordinate, or the first named degree of
+        freedom.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
-        Quality of the motion, as of :func:`stickslip.simulate`. Half-cycles below 10⁴ rtol of the
-        largest amplitude are left out.
+        Accuracy of the motion, as in :func:`stickslip.simulate`. Half-cycles below 10⁴ rtol of the
+        largest amplitude are omitted.
     max_events : int
         Limit on the number of events.
     time_limit : float, optional
-        Seconds of wall-clock time after which the motion ends as it is.
+        Wall-clock limit of the motion in seconds.
     progress : callable, optional
-        Called now and then with the fraction done.
+        Called repeatedly with the completed fraction.
 
     Returns
     -------
     RingDown
-        Without half-cycles if the coordinate does not swing.
+        Empty if the coordinate does not oscillate.
 
     Raises
     ------
     DeclarationError
-        If an argument is wrong, a drive acts, or the coordinate has no mass.
+        If an argument is wrong, the system is driven, or the coordinate has no mass.
 
     Examples
     --------
@@ -300,7 +301,7 @@ def ring_down(
     )
     turns, notes = _kept(turning_points(followed), named, motion)
     fault = Residual(
-        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest one"
+        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest"
     )
     own = motion.certificate
     return RingDown(
@@ -331,7 +332,7 @@ def _coordinate(system: System, name: str | None) -> str:
         known = [*declared, *shown, *inertial]
         if not known:
             raise DeclarationError(
-                system.name, "no coordinate has a mass", "A ring-down needs an inertial coordinate"
+                system.name, "no coordinate has a mass", "Declare an inertial coordinate"
             )
         return known[0]
     if name in inertial or (name[:2] != "d_" and system.unknown(name)):
@@ -340,11 +341,11 @@ def _coordinate(system: System, name: str | None) -> str:
     if name in others:
         raise DeclarationError(
             "coordinate",
-            f"'{short(name)}' has no mass: it does not swing by itself",
+            f"'{short(name)}' has no mass and does not oscillate by itself",
             suggestion("", [*declared, *shown] or inertial),
         )
     known = suggestion(name.removeprefix("d_"), [*declared, *shown] or inertial)
-    raise DeclarationError("coordinate", f"there is no coordinate '{short(name)}'", known)
+    raise DeclarationError("coordinate", f"unknown coordinate '{short(name)}'", known)
 
 
 def _check_free(system: System, values: Mapping[str, float]) -> None:
@@ -375,15 +376,15 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
     forces = {x: scope.parse(force, f"forces.{x}") for x, force in system.forces.items()}
     pushed = [x for x, force in forces.items() if acts(force)]
     if drives:
-        what, remedy = f"drive '{drives[0]}'", f'Let it rest, as by {drives[0]}="0"'
+        what, remedy = f"drive '{drives[0]}'", f'Switch it off, as with {drives[0]}="0"'
     elif pushed:
         # What the equations have of it is a force on modes, which nobody has written.
         what = f"the force on {pushed[0]}, {short(str(system.forces[pushed[0]]))}"
-        remedy = "Let it rest, as by an amplitude of 0"
+        remedy = "Switch it off, as with an amplitude of 0"
     else:
-        what, remedy = short(ex.to_text(acting[0])), "Let what is driven rest"
+        what, remedy = short(ex.to_text(acting[0])), "Switch off the drive"
     raise DeclarationError(
-        system.name, f"it depends on time ({what})", f"{remedy}: a ring-down is free"
+        system.name, f"it depends on time ({what})", f"{remedy}; a ring-down is a free motion"
     )
 
 
@@ -407,18 +408,18 @@ def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningP
     if len(small):
         count = int(small[0]) + 1
         at = turns.clock[count - 1] + motion.knots.origin
-        notes.append(f"from t = {at:.6g} on the amplitude is below {least:.3g}: not followed")
+        notes.append(f"after t = {at:.6g} the amplitude is below {least:.3g} and is not evaluated")
         clock, position, rest = (part[:count] for part in (turns.clock, turns.position, turns.rest))
         turns = TurningPoints(clock, position, rest, turns.fault, False, False)
         amplitude = amplitude[: count - 1]
     elif turns.fades and len(amplitude):
         at = turns.clock[-1] + motion.knots.origin
-        notes.append(f"from t = {at:.6g} on it fades away: not followed")
+        notes.append(f"after t = {at:.6g} the oscillation fades and is not evaluated")
     grows = int(np.count_nonzero(np.diff(amplitude) > 10.0 * motion.rtol * amplitude[:-1]))
     if grows:
         notes.append(
-            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: more than "
-            "one mode moves it, or it is fed"
+            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: several "
+            "modes contribute, or energy is supplied"
         )
     return turns, notes
 
@@ -468,7 +469,7 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
         ),
         "dissipated": (
             np.diff(there["dissipated_energy"]),
-            described_as("energy dissipated in a half-cycle", energy),
+            described_as("energy dissipated per half-cycle", energy),
         ),
     }
     at_turns: dict[str, tuple[Array, dict[str, str]]] = {

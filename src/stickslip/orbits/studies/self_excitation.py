@@ -55,7 +55,6 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
 
     Parameters
     ----------
-    system : System
     values : mapping of str to float
         Of all parameters. Where one that is zero switches a drive off, it is left out.
 
@@ -72,15 +71,15 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
     d = system.declaration
     if not d.inertial:
         raise DeclarationError(
-            system.name, "no coordinate has a mass", "A backbone is that of an oscillator"
+            system.name, "no coordinate has a mass", "A backbone needs an inertial coordinate"
         )
     if d.jumps:
         raise DeclarationError(
-            f"jumps.{d.jumps[0].name}", "a state that jumps has no backbone", "Leave the jump out"
+            f"jumps.{d.jumps[0].name}", "a state that jumps has no backbone", "Remove the jump"
         )
     if EXCITATION in system.parameters:
         raise DeclarationError(
-            f"parameters.{EXCITATION}", "a backbone needs this name", "Call it differently"
+            f"parameters.{EXCITATION}", "this name is reserved for backbones", "Choose another name"
         )
     known = set(d.parameters)
     for pair, entry in d.mass.items():
@@ -115,7 +114,7 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
         what = _driving(found) or "time"
         raise DeclarationError(
             system.name,
-            f"{what} drives it, and a backbone has no drive",
+            f"the system is driven by {what}, but a backbone is that of a free system",
             "Set the amplitude of the drive to 0 in 'parameters', or configure the drive as 0",
         )
     return found
@@ -166,7 +165,6 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
     ----------
     system : System
         A self-excited one.
-    values : mapping of str to float
 
     Raises
     ------
@@ -222,10 +220,10 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
             return modes
     if known:
         raise DeclarationError(
-            system.name, "nothing brings it back: it has no mode", "A backbone needs a stiffness"
+            system.name, "it has no restoring force and no mode", "Add a stiffness"
         )
     raise ConvergenceError(
         f"a backbone of {system.name}",
-        "no rest was found from which it swings",
-        "Give initial positions near a rest",
+        "no equilibrium was found about which it oscillates",
+        "Give initial positions near an equilibrium",
     )

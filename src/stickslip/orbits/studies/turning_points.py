@@ -32,7 +32,6 @@ class CoordinateTrace:
 
     Attributes
     ----------
-    motion : Trajectory
     position, velocity : array, shape (n,)
         Weights of the components.
     """
@@ -90,12 +89,7 @@ class TurningPoints:
 
 
 def turning_points(followed: CoordinateTrace) -> TurningPoints:
-    """All turning points of a coordinate, in their order.
-
-    Parameters
-    ----------
-    followed : CoordinateTrace
-    """
+    """All turning points of a coordinate, in their order."""
     k = followed.motion.knots
     step, clock, x, v = _samples(followed)
     largest = float(np.max(np.abs(v), initial=0.0))

@@ -44,10 +44,6 @@ class Cover:
 
     A stretch is divided where a force that is outside of no K(s) at its ends might be in between.
     What was divided stays so for the next force: nearby forces cost a few passes over arrays.
-
-    Parameters
-    ----------
-    source : Dissipation
     """
 
     def __init__(self, source: Dissipation) -> None:

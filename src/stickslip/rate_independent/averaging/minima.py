@@ -43,9 +43,8 @@ def least_over_phases(signal: Signal) -> Minima:
     if n > _MOST_SEPARATE and not signal.elementwise:
         raise DeclarationError(
             signal.where,
-            f"{n} minima over the phase cannot be refined one by one",
-            "Let the function take an array of n phases, one for each component, and return each "
-            "component at its own",
+            f"{n} minima over the phase are too many to be refined separately",
+            "Vectorise the function: for an array of n phases, return component i at phase i",
         )
     values, phases, index, centre = _scan(signal)
     if len(index):

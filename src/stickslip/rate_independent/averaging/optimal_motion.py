@@ -21,7 +21,6 @@ def measure_with_sum(
 
     Parameters
     ----------
-    source : Dissipation
     V : array, shape (n,)
     phases : array, shape (k,)
     motions : array, shape (k, n)
@@ -56,8 +55,8 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
     if len(phases) * len(V) > _MOST_NUMBERS:
         raise DeclarationError(
             "optimal_motion",
-            f"{len(phases)} phases times {len(V)} components make too large a table",
-            "The phase of each component is an attribute of the average",
+            f"a table of {len(phases)} phases and {len(V)} components is too large",
+            "Use the attribute of the average with the phase of each component",
         )
     motions = np.zeros((len(phases), len(V)))
     motions[place, np.flatnonzero(moving)] = V[moving]

@@ -95,7 +95,6 @@ def refined(
 
     Parameters
     ----------
-    source : Dissipation
     held : HeldForce
         Close to the solution.
     c : array, shape (n,)
@@ -104,10 +103,6 @@ def refined(
     size : float
         That of the sets, in which ξ is measured.
     scales : array, shape (k,)
-
-    Returns
-    -------
-    HeldForce
     """
     n = len(c)
     k = len(held.phases)

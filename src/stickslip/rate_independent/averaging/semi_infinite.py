@@ -60,11 +60,11 @@ class Intersection(Average):
     ----------
     source : Dissipation
     tolerance : float
-        Largest duality gap of Ψ_av(V), as a multiple of |V| and of the size of K(s); and how far a
-        point of K_av may lie outside any K(s), as a multiple of that size, with all phases covered
-        by bounds if the source is bounded. A nearest point has a duality gap below 1e-13, or
-        tolerance² if that is more, and so is accurate to some 1e-6 at worst; but only to the square
-        root of the tolerance where K(s) is known by its support function alone.
+        Largest duality gap of Ψ_av(V), relative to |V| and the size of K(s), and largest distance
+        of a point of K_av from any K(s), relative to that size; all phases are covered by bounds if
+        the source is bounded. A nearest point has a duality gap below 1e-13, or tolerance² if that
+        is more, and so is accurate to some 1e-6 at worst; but only to the square root of the
+        tolerance where K(s) is known by its support function alone.
     """
 
     source: Dissipation
@@ -273,8 +273,8 @@ class Intersection(Average):
             held = self._judged(self._solved(constraints, c, Q))
         raise ConvergenceError(
             "average over the phase",
-            f"after {MOST_ROUNDS} rounds the duality gap is {least:.3g} of what is moved",
-            f"Raise the tolerance {self.tolerance:g}",
+            f"after {MOST_ROUNDS} iterations the relative duality gap is {least:.3g}",
+            f"Increase the tolerance {self.tolerance:g}",
         )
 
     def _kept(self, held: HeldForce, Q: Array | None) -> HeldForce:

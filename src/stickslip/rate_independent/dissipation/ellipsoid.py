@@ -54,9 +54,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     def __post_init__(self) -> None:
         matrix = read_phase(self.shape, "shape")
         if len(matrix.shape) != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
-            raise DeclarationError(
-                "shape", f"its shape {matrix.shape} is not that of a square matrix", "Give n x n"
-            )
+            raise DeclarationError("shape", f"its shape {matrix.shape} is not square", "Give n x n")
         object.__setattr__(self, "matrix", matrix)
         self.sampled(np.array(SAMPLE_PHASES))
         if not matrix.varies:
@@ -103,7 +101,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         if (squares[:, 0] < -1e-12 * size).any():
             k = int((squares[:, 0] + 1e-12 * size).argmin())
             reason = f"it has the negative eigenvalue {squares[k, 0]:.6g}{self._when(phases[k])}"
-            raise DeclarationError("shape", reason, "No eigenvalue may be negative")
+            raise DeclarationError("shape", reason, "Give a positive semidefinite matrix")
         return axes, squares, floor
 
     def _when(self, s: float) -> str:
@@ -139,7 +137,8 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         return axes @ y, axes @ slope @ axes.T
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
+        """Signed distance of ξ from K(s): the distance outside, and minus a lower bound of the
+        depth inside."""
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
     def sampled(self, phases: Array) -> SampledEllipsoid:

@@ -104,7 +104,7 @@ class FormulaSets(Dissipation):
             if np.isfinite(xi).all():
                 return xi
         raise DeclarationError(
-            "formula", f"it has no derivative around v = {v}", "Write it in another way"
+            "formula", f"it is not differentiable near v = {v}", "Rewrite the formula"
         )
 
     def hessian(self, v: ArrayLike, s: float = 0.0) -> Array:
@@ -136,7 +136,8 @@ class FormulaSets(Dissipation):
         return super().gauge(xi, s) if found is None else self.support(found.v, s)
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
+        """Signed distance of ξ from K(s): the distance outside, and minus a lower bound of the
+        depth inside."""
         xi = self.vector(xi, "xi")
         return self.depth(xi, self.near(xi, s), s)
 
@@ -216,7 +217,6 @@ class FormulaSets(Dissipation):
         Parameters
         ----------
         xi : ndarray of shape (n,)
-        s : float
         start : ndarray of shape (n,), optional
             What was normal for a force and a phase close by.
         """
@@ -251,7 +251,6 @@ class FormulaSets(Dissipation):
         xi : ndarray of shape (n,)
         near : Nearby
             Of ξ.
-        s : float
         """
         length = float(np.linalg.norm(xi))
         if length <= 0.5 * self.inradius:

@@ -43,12 +43,12 @@ class GroupNorm(Dissipation, kind="group norm"):
         ``s``
         r ≥ 0.
     size : int
-        Components of a group: 2 for planar friction.
+        Number of components of a group: 2 for planar friction.
 
     Raises
     ------
     DeclarationError
-        If a radius is negative or not finite at a phase, or sizes do not fit.
+        If a radius is negative or not finite at a phase, or shapes do not match.
     """
 
     radii: Any
@@ -148,7 +148,6 @@ class AveragedGroupNorm(Average, GroupNorm):
 
     Attributes
     ----------
-    source : GroupNorm
     least : Minima
         Of the radii over the phase: when each group moves.
     """

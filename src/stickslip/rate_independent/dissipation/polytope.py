@@ -65,8 +65,8 @@ class Polytope(Dissipation, kind="polytope"):
     Raises
     ------
     DeclarationError
-        If 0 lies outside at a phase, the half-spaces leave a direction unbounded, or sizes do not
-        fit.
+        If 0 lies outside at a phase, the half-spaces do not bound every direction, or shapes do not
+        match.
     """
 
     vertices: Any = None
@@ -84,7 +84,7 @@ class Polytope(Dissipation, kind="polytope"):
             raise DeclarationError(
                 "Polytope",
                 "it needs vertices, or normals and offsets",
-                "Give one of these two descriptions",
+                "Give one of the two",
             )
         if by_vertices:
             object.__setattr__(self, "corners", read_table(self.vertices, "vertices"))
@@ -101,8 +101,8 @@ class Polytope(Dissipation, kind="polytope"):
         if reach.shape != faces.shape[:1]:
             raise DeclarationError(
                 "offsets",
-                f"it has the shape {reach.shape}, but there are {faces.shape[0]} normals",
-                "Give as many",
+                f"its shape is {reach.shape}, but there are {faces.shape[0]} normals",
+                "Give the same number of both",
             )
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "reach", reach)
@@ -133,7 +133,7 @@ class Polytope(Dissipation, kind="polytope"):
         if not lengths.all():
             when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
             raise DeclarationError(
-                "normals", f"row {int(lengths.argmin())} is 0{when}", "Give a direction"
+                "normals", f"row {int(lengths.argmin())} is 0{when}", "Give a nonzero vector"
             )
         return normals / lengths[:, None], offsets / lengths
 
@@ -259,7 +259,7 @@ class Polytope(Dissipation, kind="polytope"):
                 raise DeclarationError(
                     "vertices",
                     f"their convex hull does not contain 0{when} (distance {far:.6g})",
-                    "Move them around 0",
+                    "Choose vertices that surround 0",
                 )
             return
         from scipy.optimize import nnls
@@ -269,7 +269,7 @@ class Polytope(Dissipation, kind="polytope"):
         left = nnls(normals.T, -normals.sum(axis=0), maxiter=30 * len(normals) + 100)[1]
         if left > 1e-10 or np.linalg.matrix_rank(normals) < self.dimension:
             raise DeclarationError(
-                "normals", f"the half-spaces leave a direction unbounded{when}", "Add a half-space"
+                "normals", f"the half-spaces do not bound every direction{when}", "Add a half-space"
             )
 
     def _check_period(self) -> None:
@@ -295,7 +295,6 @@ class AveragedPolytope(Average, Polytope):
 
     Attributes
     ----------
-    source : Polytope
     least : Minima
         Of the offsets over the phase: when each face comes closest to 0.
     """
@@ -347,6 +346,6 @@ def read_table(given: object, where: str) -> Signal:
     table = read_phase(given, where, closes=False)
     if len(table.shape) != 2 or 0 in table.shape:
         raise DeclarationError(
-            where, f"it has the shape {table.shape}", "Give one row of n numbers for each"
+            where, f"its shape is {table.shape}", "Give one row of n numbers for each"
         )
     return table

@@ -37,12 +37,12 @@ class Product(Dissipation):
             raise DeclarationError("factors", "it is not a list", "Give a list of potentials")
         object.__setattr__(self, "factors", tuple(self.factors))
         if not self.factors:
-            raise DeclarationError("factors", "there is none", "Give at least one potential")
+            raise DeclarationError("factors", "the list is empty", "Give at least one potential")
         for k, factor in enumerate(self.factors):
             if not isinstance(factor, Dissipation):
                 raise DeclarationError(
                     f"factors[{k}]",
-                    f"it is a {type(factor).__name__}, not a dissipation potential",
+                    f"expected a dissipation potential, got {type(factor).__name__}",
                     "Give potentials",
                 )
 

@@ -30,19 +30,19 @@ class SupportFunction(Dissipation):
     dimension : int
         n.
     subgradient : callable (s, v) -> array of shape (n,), optional
-        A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v). By default it is found from differences of Ψ.
+        A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v). By default it is computed from differences of Ψ.
     depends_on_phase : bool
 
     Raises
     ------
     DeclarationError
-        If Ψ is negative, not finite, not homogeneous or not convex where it is looked at.
+        If Ψ is negative, not finite, not homogeneous or not convex at a sampled point.
 
     Notes
     -----
-    Nearest points are found from subgradients alone. Distances are accurate to 1e-9 of the size of
-    K(s), or the call stops with a ConvergenceError. Without a given subgradient that becomes 1e-6
-    at worst, where corners of K(s) meet curved parts, and everything takes some four times as long.
+    Nearest points are computed from subgradients only. Distances are accurate to 1e-9 of the size
+    of K(s), or a ConvergenceError is raised. Without a given subgradient the accuracy is 1e-6 at
+    worst, where corners of K(s) meet curved parts, and computations take about four times as long.
     """
 
     @validated
@@ -63,7 +63,7 @@ class SupportFunction(Dissipation):
             )
         if not callable(function):
             raise DeclarationError(
-                "function", "it cannot be called", "Give a function of the phase s and of v"
+                "function", "it is not callable", "Give a function of the phase s and of v"
             )
         self.function: Callable[[float, Array], SupportsFloat] = function
         self.subgradient: Callable[[float, Array], ArrayLike] | None = subgradient
@@ -123,11 +123,12 @@ class SupportFunction(Dissipation):
         except Exception as error:
             raise DeclarationError(
                 "function",
-                f"it fails at phase s = {s:g} and v = {v} ({type(error).__name__}: {error})",
+                f"it raises an error at phase s = {s:g} and v = {v} ({type(error).__name__}: "
+                f"{error})",
                 "Correct it",
             ) from error
         if not (np.isfinite(value) and value >= 0.0):
-            reason = "but a dissipation potential is nonnegative: K(s) has to contain 0"
+            reason = "but a dissipation potential is nonnegative, so K(s) must contain 0"
             raise DeclarationError(
                 "function", f"it is {value} at phase s = {s:g} and v = {v}, {reason}", "Correct it"
             )
@@ -149,7 +150,7 @@ class SupportFunction(Dissipation):
                 "function",
                 f"it is not convex at phase s = {s:g}: "
                 f"Psi(v + w) > Psi(v) + Psi(w) for v = {v}, w = {w}",
-                "A potential has to be convex in v",
+                "Use a potential that is convex in v",
             )
 
     def _differences(self, v: Array, s: float) -> Array:

@@ -45,13 +45,13 @@ class WeightedL1(Dissipation, kind="weighted l1"):
     Raises
     ------
     DeclarationError
-        If a weight is negative or not finite at a phase, or sizes do not fit.
+        If a weight is negative or not finite at a phase, or shapes do not match.
 
     Notes
     -----
-    A callable is asked for many phases when the potential is averaged. If it also takes an array of
-    n phases and returns each weight at its own (as ``lambda s: 2 + np.cos(2*np.pi*(s - x))`` does),
-    a million weights are averaged in seconds.
+    A callable is evaluated at many phases when the potential is averaged. If it also accepts an
+    array of n phases and returns weight i at phase i (as ``lambda s: 2 + np.cos(2*np.pi*(s - x))``
+    does), a million weights are averaged in seconds.
     """
 
     weights: Any
@@ -66,7 +66,7 @@ class WeightedL1(Dissipation, kind="weighted l1"):
             raise DeclarationError(
                 "lower",
                 f"it has {below.shape[0]} components, but there are {above.shape[0]} weights",
-                "Give as many",
+                "Give the same number of both",
             )
         object.__setattr__(self, "above", above)
         object.__setattr__(self, "below", below)
@@ -156,7 +156,6 @@ class AveragedWeightedL1(Average, WeightedL1):
 
     Attributes
     ----------
-    source : WeightedL1
     least_above, least_below : Minima
         Of ρ⁺ and ρ⁻ over the phase.
     """

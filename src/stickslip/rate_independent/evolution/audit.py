@@ -42,17 +42,18 @@ STEP_COLUMNS = {
     "energy": "energy of the state",
     "dissipated": "dissipated energy",
     "work": "work of the load",
-    "slipping": "components (or groups) that moved",
+    "slipping": "number of components (or groups) that moved",
     "residual": "KKT residual of the step, relative to the largest weight",
     "effort": "cycles of the solver, or changes of its active set",
     "distance": "distance of the force from the stable set, relative to the largest weight",
     "defect": "defect of the energy balance in the step",
-    "overshoot": "how far the force may leave the stable set during the step, relative to the "
-    "largest weight",
-    "slack": "what the overshoot may add to half the squared error",
-    "missed": "how far z may be off, in the energy norm, since the force overshoots",
+    "overshoot": "bound on the distance of the force from the stable set during the step, "
+    "relative to the largest weight",
+    "slack": "bound on the contribution of the overshoot to half the squared error",
+    "missed": "bound on the error of z in the energy norm due to the overshoot of the force",
     "increment": "half the squared energy norm of the increment",
-    "gap": "dissipation of the increment at the phase before, minus the work of the force before",
+    "gap": "dissipation of the increment at the previous phase, minus the work of the previous "
+    "force",
 }
 """What is kept of every step, with its meaning. Work of the load: −∫⟨dℓ/dt, z⟩dt."""
 

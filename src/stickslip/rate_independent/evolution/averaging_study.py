@@ -34,22 +34,21 @@ _GRID = 1024  # intervals of the span on which the modulus of continuity is meas
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AveragingStudy(Result):
-    """z_ε compared with the averaged motion z_0. |·| is the energy norm √⟨Az, z⟩.
+    """Comparison of z_ε with the averaged motion z_0. |·| is the energy norm √⟨Az, z⟩.
 
     Attributes
     ----------
     dataset : xarray.Dataset
-        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta),
-        sup |z_ε(t₂) − z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, what it exceeds the modulus
-        of z_0 by: ω(ε) in [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for
-        φ = cos(jπ(t − t₀)/T); ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹ and L²;
-        ``dissipated`` energy; ``steps`` and ``wall_time`` of the resolved motion. What has a
-        meaning for z_0 is there, too, as ``averaged_...``. Moduli are measured on a grid of 1024
-        intervals (fewer if n > 16384).
+        Over ``epsilon``: ``distance``, sup|z_ε − z_0|; ``modulus`` (epsilon, delta), sup |z_ε(t₂) −
+        z_ε(t₁)| over |t₂ − t₁| ≤ δ; ``equicontinuity``, its excess over the modulus of z_0, ω(ε) in
+        [M] (2.5); ``weak_distance`` (epsilon, test), |∫φ dz_ε − ∫φ dz_0| for φ = cos(jπ(t − t₀)/T);
+        ``rate_l1`` and ``rate_l2``, norms of ż_ε in L¹ and L²; ``dissipated`` energy; ``steps`` and
+        ``wall_time`` of the resolved motion. Quantities that are defined for z_0 are included as
+        ``averaged_...``. Moduli are measured on a grid of 1024 intervals (fewer if n > 16384).
     certificate : Certificate
-        Every residual of the motions where it is worst.
+        The largest value of every residual over all motions.
     stopped : str
-        Empty, or what stopped the study early.
+        Empty, or the reason for an early stop of the study.
     """
 
     KIND: ClassVar[str] = "averaging study"
@@ -101,12 +100,12 @@ class AveragingStudy(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the study."""
+        """Title of the system."""
         return "fast oscillations and their average"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """None but ε, which varies."""
+        """Empty, since ε varies."""
         return {}
 
     @property
@@ -117,17 +116,17 @@ class AveragingStudy(Result):
 
     @property
     def message(self) -> str:
-        """What stopped it early, or that all was computed."""
+        """Reason of an early stop, or the statement that the study is complete."""
         return self.stopped or self.outcome.message
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         epsilon = self.dataset["epsilon"].values
         columns = {name: self.dataset[name].values.tolist() for name in _SHOWN}
         return {"epsilon": epsilon.tolist(), **columns, "powers": self.powers}
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         distances = zip(
             self.dataset["epsilon"].values, self.dataset["distance"].values, strict=True
         )
@@ -148,7 +147,7 @@ class AveragingStudy(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A study as it was."""
+        """Restore a stored study."""
         return cls(data, restored_certificate(json.loads(parts["certificate"])), parts["stopped"])
 
 
@@ -160,7 +159,7 @@ def averaging_study(
     tolerance: float = 1e-4,
     progress: Callable[[float], None] | None = None,
 ) -> AveragingStudy:
-    """How z_ε converges to the averaged motion as ε → 0 ([M] Theorem 2.2).
+    """Study the convergence of z_ε to the averaged motion as ε → 0 ([M] Theorem 2.2).
 
     Parameters
     ----------
@@ -169,15 +168,18 @@ def averaging_study(
     epsilons : sequence of float
         Periods.
     tolerance : float
-        Of the adaptive evolutions; the distance is known to about that much, relative to the size
-        of the weights. A scalar problem with weighted ℓ1 dissipation is a play, which is exact.
+        Tolerance of the adaptive evolutions and approximate accuracy of the distance, relative to
+        the size of the weights. A scalar problem with weighted ℓ1 dissipation is a play, which is
+        exact.
     progress : callable, optional
-        Called now and then with the fraction done. By default there is a bar on a terminal.
+        Called repeatedly with the completed fraction. By default a progress bar is shown on a
+        terminal.
 
     Returns
     -------
     AveragingStudy
-        Ctrl-C, or an evolution that stops early, ends it with the ε done so far.
+        Ctrl-C, or an evolution that stops early, ends the study with the values of ε completed so
+        far.
 
     Raises
     ------
@@ -185,13 +187,15 @@ def averaging_study(
         If an ε is not positive, the dissipation does not depend on the phase, or the initial state
         is not stable at every phase.
     ConvergenceError
-        If not even the first ε can be computed.
+        If the first ε cannot be computed.
     """
     periods = _checked_periods(epsilons)
     check_tolerances(tolerance=tolerance)
     if not problem.dissipation.depends_on_phase:
         raise DeclarationError(
-            "dissipation", "it does not depend on the phase", "There is nothing to average"
+            "dissipation",
+            "it does not depend on the phase",
+            "Use a dissipation that depends on the phase",
         )
     averaged = _averaged(problem)
     start, end = map(float, problem.span)
@@ -228,7 +232,7 @@ def _checked_periods(epsilons: Sequence[float]) -> Array:
     given = list(np.atleast_1d(np.asarray(epsilons, dtype=object)))
     if not given or not all(is_finite(e) and e > 0.0 for e in given):
         raise DeclarationError(
-            "epsilons", f"{epsilons!r} are not all periods", "Give positive numbers"
+            "epsilons", f"{epsilons!r} are not all positive numbers", "Give positive numbers"
         )
     return np.array(given, dtype=float)
 
@@ -250,7 +254,8 @@ def _averaged(problem: Evolution) -> Evolution:
         raise DeclarationError(
             "initial",
             f"not stable at every phase ({unstable.reason})",
-            "Start from Evolution.settled(A, load, dissipation.average(), initial).initial",
+            "Use the initial state Evolution.settled(A, load, dissipation.average(), "
+            "initial).initial",
         ) from None
 
 

@@ -25,7 +25,6 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
 
     Parameters
     ----------
-    problem : Evolution
     times : ndarray of shape (m + 1,)
         Ends of the steps.
     elastic : ndarray of shape (m + 1, n)

@@ -55,7 +55,6 @@ def motion_of(problem: Evolution, tolerance: float, keep: bool = False) -> Motio
 
     Parameters
     ----------
-    problem : Evolution
     tolerance : float
         Of the energy balance of an evolution.
     keep : bool
@@ -183,7 +182,6 @@ def evolved(
 
     Parameters
     ----------
-    model : EvolutionModel
     averaged : bool
         Whether the limit of fast oscillations is meant.
     progress : callable, optional
@@ -201,7 +199,6 @@ class Gauge:
 
     Parameters
     ----------
-    A : array or sparse array
     grid : array
         Times at which states are kept, for the modulus of continuity.
     reference : callable, optional

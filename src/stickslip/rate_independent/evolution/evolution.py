@@ -37,7 +37,7 @@ class Evolution:
     Parameters
     ----------
     A : array or sparse array, shape (n, n)
-        Dense, or any SciPy sparse format (as scikit-fem assembles it).
+        Dense, or in any SciPy sparse format (as assembled by scikit-fem).
     load : callable, (times, values), or list of formulas
         ℓ: a function t → (n,); or a table, linear in between; or n formulas in ``t``.
     dissipation : Dissipation
@@ -47,13 +47,13 @@ class Evolution:
     epsilon : float
         Period of the dissipation in the units of time.
     span : (float, float), optional
-        Start, at which `initial` holds, and end. By default that of a table, or (0, 1).
+        Start, at which `initial` is given, and end. By default the span of a table, or (0, 1).
 
     Raises
     ------
     DeclarationError
-        If A is not symmetric or not positive definite, sizes do not fit, a number is not finite,
-        some K(s) does not contain 0, or the initial state is not stable.
+        If A is not symmetric positive definite, shapes do not match, a number is not finite, some
+        K(s) does not contain 0, or the initial state is not stable.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class Evolution:
         return self.dissipation.sets(np.asarray(times, dtype=float) / self.epsilon)
 
     def force(self, t: float, z: Array) -> Array:
-        """ℓ(t) − A z: what friction has to hold, shape (n,)."""
+        """ℓ(t) − A z, the force on the friction elements, shape (n,)."""
         return self.ell.over(np.array([t]))[0] - self.A @ z
 
     def energy(self, t: float, z: Array) -> float:
@@ -166,14 +166,14 @@ class Evolution:
         if not isinstance(self.dissipation, Dissipation):
             raise DeclarationError(
                 "dissipation",
-                f"a {type(self.dissipation).__name__} is no dissipation potential",
-                "Give WeightedL1(...)",
+                f"a {type(self.dissipation).__name__} is not a dissipation potential",
+                "Give a dissipation potential, like WeightedL1(...)",
             )
         if self.dissipation.dimension != self.n:
             raise DeclarationError(
                 "dissipation",
                 f"it acts on {self.dissipation.dimension} components, but A has {self.n} rows",
-                "Give both the same size",
+                "Use the same size for both",
             )
         phases = (
             np.linspace(0.0, 1.0, SIZED_AT) if self.dissipation.depends_on_phase else np.zeros(1)
@@ -183,7 +183,7 @@ class Evolution:
                 raise DeclarationError(
                     "dissipation",
                     f"K(s) does not contain 0 at s = {s:g}",
-                    "No weight may be negative at any phase",
+                    "Give weights that are nonnegative at all phases",
                 )
 
     def _check_start(self) -> None:
@@ -205,8 +205,8 @@ class UnstableStart(DeclarationError):
         super().__init__(
             "initial",
             f"the force l - A z at t = {problem.span[0]:g} is outside the stable set by "
-            f"{distance:.6g} (component {component} would have to hold {force:.6g})",
-            "Start from a stable state; Evolution.settled(...) takes the nearest one",
+            f"{distance:.6g} (the force on component {component} would be {force:.6g})",
+            "Start from a stable state; Evolution.settled(...) computes the nearest one",
         )
 
 
@@ -215,7 +215,7 @@ def _checked_state(given: Any, n: int) -> Array:
         state = np.array(given, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            "initial", f"{given!r} is no vector of numbers", f"Give {n} numbers"
+            "initial", f"{given!r} is not a vector of numbers", f"Give {n} numbers"
         ) from None
     if state.ndim == 0 and n == 1:
         state = state[None]
@@ -228,7 +228,9 @@ def _checked_state(given: Any, n: int) -> Array:
 
 def _checked_period(epsilon: Any) -> float:
     if not is_finite(epsilon) or epsilon <= 0.0:
-        raise DeclarationError("epsilon", f"{epsilon!r} is no period", "Give a positive number")
+        raise DeclarationError(
+            "epsilon", f"{epsilon!r} is not a positive number", "Give a positive number"
+        )
     return float(epsilon)
 
 
@@ -238,10 +240,12 @@ def _checked_span(span: Any, ell: Signal) -> tuple[float, float]:
     try:
         start, end = map(float, span)
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError("span", f"{span!r} is no time span", "Give (start, end)") from None
+        raise DeclarationError(
+            "span", f"{span!r} is not a time span", "Give (start, end)"
+        ) from None
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise DeclarationError(
-            "span", f"({start:g}, {end:g}) is no time span", "Give start < end, both finite"
+            "span", f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite"
         )
     ell.check_span(start, end)
     return start, end

@@ -20,7 +20,7 @@ from stickslip.rate_independent.evolution.model import EvolutionModel
 
 _A_SYSTEM = (
     "this file declares a system, not an evolution",
-    "Use: stickslip run FILE, or stickslip.load",
+    "Use stickslip.load, or on the command line: stickslip run FILE",
 )
 EVOLUTIONS = toml.Language(
     EvolutionModel,
@@ -32,7 +32,7 @@ EVOLUTIONS = toml.Language(
 
 @validated
 def load_evolution(path: str | PathLike[str]) -> EvolutionModel:
-    """The evolution that a model file declares.
+    """Load an evolution from a model file.
 
     Parameters
     ----------

@@ -52,36 +52,37 @@ def evolve(
     start: History | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> History:
-    """The evolution in time, by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z
-    − z_{k−1}).
+    """Compute an evolution by minimising movements: z_k = argmin ½⟨Az, z⟩ − ⟨ℓ_k, z⟩ + Ψ(t_k/ε, z −
+    z_{k−1}).
 
     Parameters
     ----------
     problem : Evolution
     times : (float, float) or array, optional
-        Start and end, or the times of all steps; begins where `initial` holds. By default the
-        problem's span.
+        Start and end, or the times of all steps; starts at the time of `initial`. By default the
+        span of the problem.
     steps : int, optional
-        For (start, end): as many steps of equal length. Without it, steps are adaptive: at least 8
-        per period and 64 in all, halved where the energy balance needs it.
+        Number of equal steps between start and end. By default steps are adaptive: at least 8 per
+        period and 64 in total, halved as the energy balance requires.
     output : int or array, optional
-        Times at which z is kept (steps end there, too); or keep it after every so many steps. By
-        default every step is kept while that is not too much memory (160 MB), then every second,
-        and so on.
+        Times at which z is stored (steps end there, too), or the number of steps between stored
+        values. By default every step is stored up to a memory limit (160 MB), then every second
+        step, and so on.
     observables : mapping of str to callable, optional
         Functions (t, z) → number or array that are recorded at every step.
     tolerance : float
-        Of the energy balance (E), relative to the energy that flows. Adaptive steps keep it, the
-        certificate asks for it; between the steps, forces leave K by no more than it, relative to
-        the largest weight.
+        Tolerance of the energy balance (E), relative to the energy transferred. It controls
+        adaptive steps and is the limit of the certificate; between steps, the distance of forces
+        from K is at most this fraction of the largest weight.
     kkt : float
         Largest KKT residual of a step, relative to the largest weight.
     solver : {"dense", "multigrid"}, optional
-        By default what suits the problem.
+        By default chosen by the problem.
     start : History, optional
-        A result, returned or stored, that is continued with the times after its end.
+        A returned or stored result to be continued with times after its end.
     progress : callable, optional
-        Called now and then with the fraction done. By default there is a bar on a terminal.
+        Called repeatedly with the completed fraction. By default a progress bar is shown on a
+        terminal.
 
     Returns
     -------
@@ -95,8 +96,8 @@ def evolve(
 
     Notes
     -----
-    Where all components that move keep moving, weighted ℓ1 steps are exact at their ends, however
-    long they are. Otherwise the error is of the first order in the step; adaptive steps make it
+    Where all moving components keep moving, weighted ℓ1 steps are exact at their ends, independent
+    of their length. Otherwise the error is of the first order in the step; adaptive steps make it
     proportional to `tolerance` (to its square root for potentials whose K is curved).
     """
     began = time.perf_counter()
@@ -142,7 +143,7 @@ def check_tolerances(**given: float) -> None:
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
             raise DeclarationError(
-                name, f"{value!r} is no tolerance", "Give a small positive number"
+                name, f"{value!r} is not a tolerance", "Give a small positive number"
             )
 
 
@@ -159,17 +160,19 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
         or not np.all(np.diff(times) > 0.0)
     ):
         raise DeclarationError(
-            "times", "no increasing times", "Give (start, end), or all times of the steps"
+            "times", "the times do not increase", "Give (start, end), or all times of the steps"
         )
     if times[0] != problem.span[0]:
         raise DeclarationError(
             "times",
-            f"they start at {times[0]:g}, but the initial state holds at {problem.span[0]:g}",
-            "Start there",
+            f"they start at {times[0]:g}, but the initial state is given at {problem.span[0]:g}",
+            "Start at this time",
         )
     if times[-1] > problem.ell.span[1]:
         raise DeclarationError(
-            "times", f"the load is known up to {problem.ell.span[1]:g} only", "End there"
+            "times",
+            f"the load is defined up to {problem.ell.span[1]:g} only",
+            "End at or before this time",
         )
     if steps is not None:
         if len(times) > 2 or not isinstance(steps, int | np.integer) or steps < 1:
@@ -203,7 +206,9 @@ def output_times(output: Any, nodes: Array) -> Array | None:
             isinstance(output, int | np.integer) and 1 <= output < 2**62
         ):
             raise DeclarationError(
-                "output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps"
+                "output",
+                f"{output!r} is not a stride",
+                "Give times, or a positive integer to keep every n-th step",
             )
         return None
     wanted = np.array(output, dtype=float)
@@ -261,7 +266,9 @@ def _begin(
         problem.energy(t, z), energy[-1], rel_tol=1e-9, abs_tol=1e-9 * float(np.abs(energy).max())
     ):
         raise DeclarationError(
-            "start", "its energy is not that of this problem", "Continue a result of this problem"
+            "start",
+            "its energy does not match that of this problem",
+            "Continue a result of this problem",
         )
     record.restore(old)
     return start_state(problem, t, z, flow), record
@@ -274,7 +281,6 @@ class OutputPlan:
     ----------
     output : array, int or None
         Times, or a stride, or whatever memory allows.
-    observables : dict of str to callable
     """
 
     def __init__(self, output: Any, observables: dict[str, Observable]) -> None:
@@ -291,7 +297,7 @@ class OutputPlan:
                 "final_state",
             }:
                 raise DeclarationError(
-                    f"observables.{name}", "the name is taken", "Choose another name"
+                    f"observables.{name}", "the name is already used", "Choose another name"
                 )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
         self.count: int = 0  # steps so far
@@ -330,7 +336,9 @@ class OutputPlan:
         for name in self.observables:
             if name not in old:
                 raise DeclarationError(
-                    f"observables.{name}", "the earlier result has no such record", "Leave it out"
+                    f"observables.{name}",
+                    "the earlier result has no record of this name",
+                    "Remove it",
                 )
         times = old["step_time"].values
         columns = {name: old[name].values for name in (*STEP_COLUMNS, *self.observables)}

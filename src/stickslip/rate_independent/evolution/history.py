@@ -35,9 +35,9 @@ class History(Result):
         the last state.
     outcome : EvolutionOutcome
     detail : str
-        What exactly stopped it, if it did not reach the end.
+        The reason, if the evolution did not reach its end.
     tolerance, kkt : float
-        What the certificate compares with.
+        Tolerances of the certificate.
     wall_time : float
         Seconds.
     """
@@ -82,7 +82,7 @@ class History(Result):
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         if self.outcome.ok:
             return self.outcome.message
         reason = f" ({self.detail})" if self.detail else ""
@@ -171,7 +171,7 @@ class History(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """What of the load is known, and left out."""
+        """Parts of the load that the evolution omits."""
         said = self.dataset.attrs.get("left_out")
         return [str(said)] if said else []
 
@@ -179,7 +179,7 @@ class History(Result):
 
     @property
     def title(self) -> str:
-        """Of what it is the evolution."""
+        """Title of the evolution."""
         return str(self.dataset.attrs.get("title") or "rate-independent evolution")
 
     @property
@@ -189,7 +189,7 @@ class History(Result):
         return {"epsilon": float(attrs["epsilon"])} if attrs["depends_on_phase"] else {}
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         times = self.dataset["step_time"].values
         return {
             "method": "minimising movements",
@@ -201,7 +201,7 @@ class History(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         times = self.dataset["step_time"].values
         return [
             ("method", "minimising movements"),
@@ -234,6 +234,6 @@ class History(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """An evolution as it was."""
+        """Restore a stored evolution."""
         settings: dict[str, Any] = json.loads(parts["settings"])
         return cls(data, EvolutionOutcome.from_code(settings.pop("outcome")), **settings)

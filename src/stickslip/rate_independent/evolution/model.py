@@ -35,7 +35,8 @@ _SPAN = DefaultSpan((0.0, 1.0))
 
 @dataclass(frozen=True)
 class EvolutionModel:
-    """A rate-independent evolution, or a dissipation potential alone, as texts and numbers.
+    """Declaration of a rate-independent evolution, or of a dissipation potential, by formulas and
+    numbers.
 
     Attributes
     ----------
@@ -45,28 +46,29 @@ class EvolutionModel:
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
     drives : mapping of str to formula or Samples
-        Functions of time that the load may use, such as ``{"ell": "V*t"}``, or measured ones. These
-        may be multiplied by numbers and added in the load.
+        Functions of time for use in the load, such as ``{"ell": "V*t"}``, or measured ones.
+        Measured drives may be multiplied by numbers and added.
     A : matrix of formulas
-        (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only
-        the dissipation is meant.
+        Shape (n, n), formulas of the parameters; a single formula if n = 1. Optional, with the
+        load, if only the dissipation is declared.
     load : list of formulas
-        n formulas of ``t``; a single one if n = 1.
+        n formulas of ``t``; a single formula if n = 1.
     dissipation : mapping
-        ``kind``, one of ``Dissipation.kinds``, and what that kind takes, formulas of ``s``.
+        ``kind``, one of ``Dissipation.kinds``, and the fields of this kind, formulas of ``s``.
     initial : list of formulas
         By default 0.
     epsilon : formula
         Period of the dissipation in the units of time.
     span : (formula, formula)
-        By default from 0 to 1, or, where drives are samples that end, what all of these cover.
+        By default from 0 to 1 or, if drives are samples that end, the span that all of them cover.
     steps : int or None
-        Steps of equal length; adaptive if None.
+        Number of equal steps; adaptive if None.
 
     Raises
     ------
     DeclarationError
-        If anything is wrong; the message names the key, the reason and the remedy.
+        If anything in the declaration is wrong; the message names the key, the reason and the
+        remedy.
     """
 
     name: str
@@ -90,7 +92,9 @@ class EvolutionModel:
             object.__setattr__(self, "span", default.under(self.drives))
         check_shape(self)
         if not self.name.strip():
-            raise DeclarationError("name", "the model has no name", "Give it a short name")
+            raise DeclarationError(
+                "name", "the name of the model is missing", "Give the model a short name"
+            )
         for name in self._definitions:
             self._scope(_CLOCK, _PHASE).check(name)
         _ = self.potential
@@ -100,7 +104,7 @@ class EvolutionModel:
 
     @property
     def is_evolution(self) -> bool:
-        """Whether there is more than a dissipation potential."""
+        """Whether the model has a load, and not only a dissipation potential."""
         return not (_absent(self.A) and _absent(self.load))
 
     @property
@@ -224,7 +228,7 @@ class EvolutionModel:
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
         drives = measured_drives(self.drives)
         forbidden = {
-            name: f"Only {allowed} may stand here"
+            name: f"Use {allowed} only"
             for name in (_CLOCK, _PHASE, *drives)
             if name not in variables
         } | {f"d_{name}": "A measured drive has no rate here" for name in drives}
@@ -249,11 +253,11 @@ class EvolutionModel:
             return
         if self.steps < 1:
             raise DeclarationError(
-                "steps", f"{short(repr(self.steps))} steps", "Give a positive whole number"
+                "steps", f"{short(repr(self.steps))} steps", "Give a positive integer"
             )
         if self.is_play:
             raise DeclarationError(
-                "steps", "a scalar play is computed exactly, without steps", "Leave it out"
+                "steps", "a scalar play is computed exactly, without steps", "Remove it"
             )
 
 
@@ -290,8 +294,8 @@ def with_samples(tree: Any, given: Mapping[str, TimeFunction], where: str) -> An
         names = " and ".join(f"'{name}'" for name in used)
         raise DeclarationError(
             where,
-            f"the measured drive {names} is not only multiplied by a number",
-            "Give the samples of what the load is, as a drive of its own",
+            f"the measured drive {names} may only be multiplied by a number",
+            "Declare the samples of the load as a separate drive",
         )
     if list(weights.values()) == [1.0] and ex.is_number(rest, 0.0):
         return given[used[0]]

@@ -37,10 +37,8 @@ class March:
 
     Parameters
     ----------
-    problem : Evolution
     nodes : array
         Times at which steps end, all after that of the state.
-    solver : Steps
     state : State
         The start; later the last accepted state.
     kkt : float

@@ -76,16 +76,20 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
     L, U = (samples(given, where) for given, where in ((lower, "lower"), (upper, "upper")))
     if len(L) != len(U):
         raise DeclarationError(
-            "upper", f"it has {len(U)} samples, but lower has {len(L)}", "Give as many of both"
+            "upper",
+            f"it has {len(U)} samples, but 'lower' has {len(L)}",
+            "Give the same number of both",
         )
     if not np.isfinite(initial):
-        raise DeclarationError("initial", f"{initial} is no position", "Give a finite number")
+        raise DeclarationError(
+            "initial", f"{initial} is not a finite number", "Give a finite number"
+        )
     z = np.empty_like(L) if out is None else out
     if z.shape != L.shape or z.dtype != np.float64 or not z.flags.carray:
         raise DeclarationError(
             "out",
-            f"it has the shape {z.shape}, type {z.dtype}",
-            f"Give {L.shape} numbers float64, contiguous and writeable",
+            f"its shape is {z.shape} and its type {z.dtype}",
+            f"Give a contiguous, writeable float64 array of shape {L.shape}",
         )
     if clamp_samples(L, U, float(initial), z):
         k = int(np.argmax(~(L <= U)))
@@ -95,7 +99,7 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
             )
         raise DeclarationError(
             "lower",
-            f"at sample {k} it is {L[k]:g}, above the upper bound {U[k]:g}",
+            f"at sample {k} it is {L[k]:g}, which exceeds the upper bound {U[k]:g}",
             "Give lower <= upper",
         )
     return z
@@ -140,7 +144,7 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     Parameters
     ----------
     load : array, shape (n,)
-        Samples of ℓ, in their order; only the sequence of turning points matters.
+        Samples of ℓ in order; only the sequence of turning points matters.
     radii : array, shape (m,)
         Thresholds r_i >= 0.
     initial : float or array of shape (m,)
@@ -153,7 +157,8 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     Raises
     ------
     DeclarationError
-        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+        If a number is not finite (its index is reported), a radius is negative, or shapes do not
+        match.
     """
     samples_, r, z = _bank(load, radii, initial)
     out = np.empty((len(samples_), len(r)))
@@ -165,13 +170,13 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
 def prandtl_ishlinskii(
     load: ArrayLike, radii: ArrayLike, weights: ArrayLike, *, initial: ArrayLike = 0.0
 ) -> Array:
-    """The Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing the
-    plays.
+    """Evaluate the Prandtl–Ishlinskii operator Σ w_i z_i, a weighted sum of plays, without storing
+    the plays.
 
     Parameters
     ----------
     load : array, shape (n,)
-        Samples of ℓ, in their order; only the sequence of turning points matters.
+        Samples of ℓ in order; only the sequence of turning points matters.
     radii : array, shape (m,)
         Thresholds r_i >= 0 of the plays z_i, which stay between ℓ − r_i and ℓ + r_i.
     weights : array, shape (m,)
@@ -186,7 +191,8 @@ def prandtl_ishlinskii(
     Raises
     ------
     DeclarationError
-        If a number is not finite (its index is named), a radius is negative, or sizes do not fit.
+        If a number is not finite (its index is reported), a radius is negative, or shapes do not
+        match.
 
     Examples
     --------
@@ -202,7 +208,9 @@ def prandtl_ishlinskii(
     w = samples(weights, "weights", finite=True)
     if len(w) != len(r):
         raise DeclarationError(
-            "weights", f"there are {len(w)}, but {len(r)} radii", "Give one weight per radius"
+            "weights",
+            f"{len(w)} were given, but there are {len(r)} radii",
+            "Give one weight per radius",
         )
     out = np.empty(len(samples_))
     _weighted_sum(samples_, r, w, z, out)
@@ -214,15 +222,13 @@ def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array,
     load, r = samples(load, "load", finite=True), samples(radii, "radii", finite=True)
     if np.any(r < 0.0):
         i = int(np.argmax(r < 0.0))
-        raise DeclarationError(
-            "radii", f"entry {i} is negative ({r[i]:g})", "A threshold is at least 0"
-        )
+        raise DeclarationError("radii", f"entry {i} is negative ({r[i]:g})", "Give thresholds >= 0")
     z = samples(np.atleast_1d(initial), "initial", finite=True)
     if len(z) not in (1, len(r)):
         raise DeclarationError(
             "initial",
-            f"there are {len(z)}, but {len(r)} radii",
-            "Give one number or one per radius",
+            f"{len(z)} were given, but there are {len(r)} radii",
+            "Give one number, or one per radius",
         )
     return load, r, np.array(np.broadcast_to(z, r.shape))
 
@@ -240,12 +246,12 @@ def samples(given: Any, where: str, finite: bool = False) -> Array:
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where,
-            f"a {type(given).__name__} of something is not an array of numbers",
+            f"a {type(given).__name__} is not an array of numbers",
             "Give numbers",
         ) from None
     if np.ndim(given) != 1:
         raise DeclarationError(
-            where, f"it has {np.ndim(given)} dimensions", "Give an array of shape (n,)"
+            where, f"the array has {np.ndim(given)} dimensions", "Give an array of shape (n,)"
         )
     if finite and not np.isfinite(values).all():
         k = int(np.argmin(np.isfinite(values)))

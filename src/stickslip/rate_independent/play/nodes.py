@@ -129,7 +129,7 @@ def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Arr
         raise DeclarationError(
             "threshold",
             f"{name} is negative, {value[k]:.6g} at t = {t:.9g}{phase}",
-            "A threshold is at least 0; write max(..., 0) where it may vanish",
+            "Write max(..., 0) around its formula",
         )
 
 
@@ -206,8 +206,8 @@ def panel_edges(bounds: PlayBounds, start: float, end: float) -> Array:
         if expected > _MOST_EDGES:
             raise DeclarationError(
                 "epsilon",
-                f"the span holds {expected:.1e} panels (at most {_MOST_EDGES:.0e})",
-                "Take a shorter t_span",
+                f"the span needs {expected:.1e} panels (at most {_MOST_EDGES:.0e})",
+                "Use a shorter t_span",
             )
     edges = np.concatenate([[start, end], *(signal.edges(start, end) for signal in bounds.signals)])
     edges = np.sort(edges, kind="stable")

@@ -81,10 +81,9 @@ def play(
     Parameters
     ----------
     load : str, float, callable or (times, values)
-        ℓ: a formula in ``t``, a function of t (for numbers; one that also takes arrays is faster),
-        or samples.
+        ℓ: a formula in ``t``, a function of t (vectorised functions are faster), or samples.
     threshold : the same, or a pair of them
-        ρ >= 0, or (ρ⁺, ρ⁻): what a motion upward and a motion downward have to overcome.
+        ρ >= 0, or (ρ⁺, ρ⁻) for motion upward and downward.
     t_span : (float, float)
         Start and end.
     initial : float
@@ -95,7 +94,7 @@ def play(
     stiffness : float
         a > 0.
     interpolation : {"linear", "monotone"}
-        What samples mean between them: straight lines, or monotone cubics (PCHIP).
+        Interpolation of samples: piecewise linear, or monotone cubics (PCHIP).
 
     Returns
     -------
@@ -111,12 +110,12 @@ def play(
     -----
     Samples are taken as they are. Formulas and functions are replaced by polynomials that agree
     with them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
-    times the slope); a turning point is then not missed, however close it is to the next, unless
-    the excursion between them is below that. The corners of a formula (abs, min, max, clip,
-    piecewise) are found from its text, and what polynomials can miss of it is bounded: no feature
-    is too narrow. The corners of a function are found from the polynomials that fail there; not
-    seen of a function is what is narrower than about 1/200 of the span (of the period, if `epsilon`
-    is given), and the certificate says at how many points it was looked at.
+    times the slope); turning points are then resolved unless the excursion between them is smaller
+    than that. The kinks of a formula (abs, min, max, clip, piecewise) are found from the formula,
+    and the approximation error is bounded, so no feature is too narrow. The kinks of a function are
+    found from polynomials that fail to converge; features of a function narrower than about 1/200
+    of the span (of the period, if `epsilon` is given) may be missed, and the certificate states the
+    number of sample points.
 
     Examples
     --------
@@ -138,12 +137,14 @@ def play(
                 name, f"{value!r} is not a positive number", "Give a positive number"
             )
     if not is_finite(initial):
-        raise DeclarationError("initial", f"{initial!r} is no position", "Give a finite number")
+        raise DeclarationError(
+            "initial", f"{initial!r} is not a finite number", "Give a finite number"
+        )
     if interpolation not in INTERPOLATIONS:
         raise DeclarationError(
             "interpolation",
-            f"{interpolation!r} is none",
-            f"Give one of {', '.join(INTERPOLATIONS)}",
+            f"unknown interpolation {interpolation!r}",
+            f"Choose from {', '.join(INTERPOLATIONS)}",
         )
     declared = {
         "load": load,
@@ -212,8 +213,7 @@ def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
         raise DeclarationError(
             "initial",
             f"z = {z:.9g} is not stable: the force ℓ − a z exceeds its threshold by {distance:.6g}",
-            f"Start with z between {low:.9g} and {high:.9g}; the nearest stable value is "
-            f"{nearest:.9g}",
+            f"Choose z between {low:.9g} and {high:.9g}; the nearest stable value is {nearest:.9g}",
         )
     return float(nearest)
 
@@ -253,7 +253,8 @@ class Play(Result):
     bounds : Bounds
         Load, thresholds and stiffness.
     nodes : Nodes
-        Times between which z rests or follows one bound, positions there, and the modes in between.
+        Times between which z is constant or follows one bound, positions at these times, and modes
+        in between.
     declared : mapping of str to anything
         Load, threshold, span, period, stiffness and interpolation as they were given.
     """
@@ -335,10 +336,12 @@ class Play(Result):
         times = np.ravel(np.asarray(t, dtype=float))
         first, last = self.time[0], self.time[-1]
         if side not in ("left", "right"):
-            raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
+            raise DeclarationError("side", f"{side!r} is not a side", "Use 'left' or 'right'")
         if times.size and not (np.all(times >= first) and np.all(times <= last)):
             raise DeclarationError(
-                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+                "t",
+                "a time is outside the computed time span",
+                f"Use {first:g} <= t <= {last:g}",
             )
         k = np.searchsorted(self.time, times, side=side) - 1
         return times, np.clip(k, 0, len(self.mode) - 1)
@@ -593,16 +596,16 @@ class Play(Result):
 
     @property
     def outcome(self) -> Completion:
-        """A play comes to its end."""
+        """Always finished."""
         return Completion.FINISHED
 
     @property
     def message(self) -> str:
-        """How it ended, in words."""
+        """Description of the outcome."""
         return self.outcome.message
 
     def facts(self) -> dict[str, Any]:
-        """What fits on a page, as plain data."""
+        """Summary as plain data."""
         return {
             "method": "exact play",
             "end": float(self.time[-1]),
@@ -613,7 +616,7 @@ class Play(Result):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """What fits on a page, in words."""
+        """Summary as rows of text."""
         return [
             ("method", "exact play"),
             ("time", f"{self.time[0]:g} to {self.time[-1]:g}"),
@@ -656,7 +659,7 @@ class Play(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A play from its nodes."""
+        """Restore a stored play from its nodes."""
         declared: dict[str, Any] = json.loads(parts["declared"])
         declared["t_span"] = tuple(declared["t_span"])
         declared |= {name: _revived(declared[name]) for name in ("load", "threshold")}

@@ -81,12 +81,7 @@ class FormulaAt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NormalSearch:
-    """The sets of a formula.
-
-    Parameters
-    ----------
-    formula : ConvexFormula
-    """
+    """The sets of a formula."""
 
     formula: ConvexFormula
 
@@ -289,7 +284,6 @@ class NormalSearch:
 
         Parameters
         ----------
-        found : Normal
         others : ndarray of shape (k,)
         """
         if not found.kinks:

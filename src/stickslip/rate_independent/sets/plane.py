@@ -21,9 +21,7 @@ def stable_boundary(potential: Dissipation, phases: Array, rays: int = _RAYS) ->
 
     Parameters
     ----------
-    potential : Dissipation
     phases : array, shape (m,)
-    rays : int
     """
     directions = _circle(rays)
     normals, offsets = _half_planes(potential, phases)

@@ -48,15 +48,14 @@ class Dissipation(ABC):
         n.
     depends_on_phase : bool
     kinds : dict of str to type, of the class
-        Potentials that model files know, by the name under which they entered themselves: ``class
-        Mine(Dissipation, kind="mine")``. Their fields are the keys of a file.
+        Potentials available in model files, by their registered names: ``class Mine(Dissipation,
+        kind="mine")``. Their fields are the keys of a file.
 
     Notes
     -----
-    A potential of one's own says its dimension, whether it depends on the phase, its support
-    function, points that this exposes, and how it is averaged; for all else there is a way that
-    needs no more. What it says besides makes it faster, or more accurate, or bounded between the
-    phases that are looked at.
+    A user-defined potential must provide its dimension, whether it depends on the phase, its
+    support function, exposed points, and its average; everything else has a default implementation.
+    Further methods may be overridden for speed, accuracy, or bounds between the sampled phases.
     """
 
     kinds: ClassVar[dict[str, type[Dissipation]]] = {}
@@ -77,7 +76,7 @@ class Dissipation(ABC):
     @property
     @abstractmethod
     def depends_on_phase(self) -> bool:
-        """Whether Ψ(s, ·) is not the same for all s."""
+        """Whether Ψ(s, ·) depends on s."""
 
     def as_formula(self) -> str:
         """Ψ as a formula in ``v1``, ..., ``vn``, which a contact takes as its dissipation.
@@ -91,7 +90,7 @@ class Dissipation(ABC):
             raise DeclarationError(
                 "dissipation",
                 "it depends on a phase, which a contact does not have",
-                "Give a threshold that depends on time beside it",
+                "Declare a threshold that depends on time instead",
             )
         return self._formula()
 
@@ -173,7 +172,7 @@ class Dissipation(ABC):
 
     @property
     def doubt(self) -> str:
-        """What of it is not proved, as certificates say it; by default nothing."""
+        """Properties that are not proved, as stated in certificates; by default none."""
         return ""
 
     @classmethod
@@ -333,8 +332,8 @@ class Dissipation(ABC):
         if x.shape != (self.dimension,):
             raise DeclarationError(
                 name,
-                f"it has the shape {x.shape}, but the potential lives on R^{self.dimension}",
-                "Correct its size",
+                f"its shape is {x.shape}, but the potential is defined on R^{self.dimension}",
+                "Give a vector of this dimension",
             )
         return finite(x, name)
 
@@ -361,8 +360,8 @@ class Dissipation(ABC):
 
     def _said(self) -> list[tuple[str, str]]:
         """What there is to say of it on a page."""
-        depends = "the phase s = t/ε" if self.depends_on_phase else "nothing but the rates"
-        known = "bounded at all of them" if self.bounded else "known at those that are looked at"
+        depends = "the phase s = t/ε" if self.depends_on_phase else "the rates only"
+        known = "bounded at all phases" if self.bounded else "known at sampled phases"
         return [
             ("dimension", str(self.dimension)),
             ("depends on", depends),
@@ -549,7 +548,7 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
             where, "it is not a matrix of numbers", f"Give a {n} x {n} array"
         ) from None
     if matrix.shape != (n, n):
-        raise DeclarationError(where, f"it has the shape {matrix.shape}", f"Give a {n} x {n} array")
+        raise DeclarationError(where, f"its shape is {matrix.shape}", f"Give a {n} x {n} array")
     finite(matrix, where)
     lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
     if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
@@ -560,6 +559,6 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
         cholesky(matrix, lower=True)
     except LinAlgError:
         raise DeclarationError(
-            where, "it is not positive definite", "All its eigenvalues have to be positive"
+            where, "it is not positive definite", "Give a positive definite matrix"
         ) from None
     return matrix

@@ -68,7 +68,7 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
         held[wrong] = np.where(below, -1, np.where(above, 1, 0))[wrong]
     raise ConvergenceError(
         "projection onto a box",
-        f"{fewest} of {len(xi)} components still stand on the wrong side",
+        f"{fewest} of {len(xi)} components still have the wrong sign",
         "The metric is too ill-conditioned for double precision",
     )
 
@@ -173,7 +173,8 @@ def nearest_and_faces(
     left = float((normals @ y - offsets).max())
     if not left <= 1e-9 * max(worst, float(np.abs(offsets).max())):
         raise ConvergenceError(
-            "projection onto a polytope", f"the point found is still {left:.3g} outside"
+            "projection onto a polytope",
+            f"the distance of the result from the set is still {left:.3g}",
         )
     return y, active
 
@@ -195,7 +196,7 @@ def nonnegative_least_squares(E: Array) -> Array:
         return nnls(E, np.append(np.zeros(len(E) - 1), 1.0), maxiter=30 * E.shape[1] + 100)[0]
     except RuntimeError as error:
         raise ConvergenceError(
-            "projection onto a polytope", f"the active set did not settle ({error})"
+            "projection onto a polytope", f"the active set did not converge ({error})"
         ) from None
 
 
@@ -348,7 +349,7 @@ def nearest_by_support(
     if not least <= max(sure, accuracy):
         raise ConvergenceError(
             "projection by a support function",
-            f"the distance is known to {least:.3g} of the size of K(s) only",
+            f"the accuracy of the distance is only {least:.3g} of the size of K(s)",
             "Give the subgradient of the function",
         )
     return best

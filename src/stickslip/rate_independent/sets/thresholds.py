@@ -18,7 +18,7 @@ def read_weights(given: object, where: str) -> Signal:
     if len(signal.shape) != 1 or signal.shape[0] == 0:
         raise DeclarationError(
             where,
-            f"it has the shape {signal.shape}, but one threshold for each component is needed",
+            f"its shape is {signal.shape}, but one threshold for each component is needed",
             "Give a vector",
         )
     for s in signal.looks:
@@ -38,7 +38,7 @@ def nonnegative(thresholds: Signal, s: float) -> Array:
         raise DeclarationError(
             thresholds.where,
             f"component {i} is {value[i]:.6g}{when}, but a threshold cannot be negative",
-            "Write max(..., 0) where it may vanish",
+            "Write max(..., 0) around its formula",
         )
     return np.maximum(value, 0.0)
 

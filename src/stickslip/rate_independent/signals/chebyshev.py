@@ -418,8 +418,6 @@ def _sign_changes(
         Coefficients, one row per panel.
     halves : array, shape (2, m, m)
         See the function of this name.
-    negligible : float
-    search : ZeroSearch
     panel, x : array, shape (m panels,)
         Written.
 

@@ -29,9 +29,6 @@ class CallableSignal(Signal):
 
     Parameters
     ----------
-    function : callable
-    where : str
-    clock : Clock
     shape : tuple of int, optional
         By default that of its value at 0.
     """
@@ -54,7 +51,8 @@ class CallableSignal(Signal):
         except Exception as error:
             raise DeclarationError(
                 self.where,
-                f"the function fails at {self.clock.place(u)} ({type(error).__name__}: {error})",
+                f"the function raises an error at {self.clock.place(u)} ({type(error).__name__}: "
+                f"{error})",
                 "Correct it",
             ) from error
 

@@ -123,7 +123,9 @@ def finite_source(source: Source, where: str, place: Callable[[float], str]) -> 
         value = source(u)
         if not np.all(np.isfinite(value)):
             k = np.unravel_index(np.argmin(np.isfinite(value)), value.shape)
-            raise DeclarationError(where, f"it is {value[k]} at {place(u[k])}", "It must be finite")
+            raise DeclarationError(
+                where, f"it is {value[k]} at {place(u[k])}", "Give finite values"
+            )
         return value
 
     return checked
@@ -167,13 +169,13 @@ def fitted(
     except ch.Unresolved as unresolved:
         remedy = "Give samples (times, values)"
         if most < ch.MOST_PANELS:
-            remedy += ", or a function that takes arrays, which may need more"
+            remedy += ", or a vectorised function, which may use more"
         if period is None:
             remedy += ", or, if it is periodic, a function of s = t/epsilon together with epsilon="
         raise DeclarationError(
             where,
-            f"it is too rough or oscillates too fast: {most} polynomials do not resolve it"
-            f" (near {name} = {unresolved.args[0]:.6g})",
+            f"it is not smooth enough or oscillates too fast to be resolved by {most} "
+            f"polynomials (near {name} = {unresolved.args[0]:.6g})",
             remedy,
         ) from None
     return Panels(breaks, c, noise, source, period)

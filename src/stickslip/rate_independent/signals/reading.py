@@ -24,7 +24,7 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
 INTERPOLATIONS: dict[str, type[LinearTable]] = {"linear": LinearTable, "monotone": MonotoneTable}
-"""What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
+"""Interpolation of samples: piecewise linear, or monotone cubics (PCHIP)."""
 
 
 def read(
@@ -83,7 +83,6 @@ def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
 
     Parameters
     ----------
-    given : number, formula, array or nested lists of these, or callable
     where : str
         How errors call it.
     closes : bool

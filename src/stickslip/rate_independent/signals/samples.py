@@ -25,8 +25,6 @@ class LinearTable(Signal):
     ----------
     times : array, shape (m,)
     values : array, shape (m, ...)
-    where : str
-    clock : Clock
     shape : tuple of int
         Of one value.
 
@@ -51,14 +49,14 @@ class LinearTable(Signal):
             raise DeclarationError(
                 where,
                 f"{t.size} times and {len(y) if y.ndim else 1} values",
-                "Give as many times as values, at least 2 of each",
+                "Give the same number of times and values, at least 2",
             )
         if not np.all(t[1:] > t[:-1]):
             k = int(np.argmin(t[1:] > t[:-1])) + 1
             raise DeclarationError(
                 where,
                 f"the times do not increase: {t[k - 1]:.9g}, then {t[k]:.9g} at index {k}",
-                "Sort them, each once",
+                "Sort the times, without repetition",
             )
         self.times = t
         self.rows: Array = fitting(y, (len(t), *shape), f"{where}, values")
@@ -101,7 +99,7 @@ class LinearTable(Signal):
                 self.where,
                 f"the samples cover {t[0]:.9g} ... {t[-1]:.9g}, but one period of the phase s = "
                 "t/epsilon is 0 ... 1",
-                "Let them start at s = 0 and end at s = 1",
+                "Give samples from s = 0 to s = 1",
             )
         self.check_span(start, end)
         first = np.searchsorted(t, start, side="right") - 1
@@ -158,9 +156,6 @@ class MeasuredSignal(Signal):
 
     Parameters
     ----------
-    samples : Samples
-    where : str
-    clock : Clock
     shape : tuple of int
         Of one value: axes of length 1, or none.
     """
@@ -173,7 +168,7 @@ class MeasuredSignal(Signal):
         if clock.periodic:
             raise DeclarationError(
                 where,
-                f"it is a function of the phase {clock.name}, and samples are functions of time",
+                f"it is a function of the phase {clock.name}, but samples are functions of time",
                 f"Give a table of {clock.name}: (places, values)",
             )
         self.samples = samples
@@ -257,8 +252,6 @@ class SignalColumns(Signal):
     ----------
     parts : list of Signal
         Of single values.
-    where : str
-    clock : Clock
     shape : tuple of int
     """
 
@@ -322,6 +315,6 @@ def as_numbers(given: Any, where: str) -> Array:
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where,
-            f"a {type(given).__name__} of something is not an array of numbers",
+            f"a {type(given).__name__} is not an array of numbers",
             "Give numbers",
         ) from None

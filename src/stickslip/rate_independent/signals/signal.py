@@ -73,7 +73,6 @@ class Signal(ABC):
     ----------
     where : str
         How errors call it.
-    clock : Clock
     shape : tuple of int
     varies : bool
         Whether it is not the same at all times.
@@ -215,8 +214,8 @@ class Signal(ABC):
             If it is a function of Python.
         """
         raise StickslipError(
-            f"{self.where}: a function of Python cannot be stored; give it as a formula or as "
-            "samples, or keep the numbers with .dataset.to_netcdf(path)"
+            f"{self.where}: a Python function cannot be stored; give a formula or samples, or "
+            "store the numbers with .dataset.to_netcdf(path)"
         )
 
     # -- what may be wrong -------------------------------------------------------------------------
@@ -233,7 +232,7 @@ class Signal(ABC):
                 self.where,
                 f"it is known for {self.span[0]:.9g} <= {self.clock.name} <= {self.span[1]:.9g}"
                 f" only, but the span is {start:.9g} ... {end:.9g}",
-                "Give samples over all of it, or a shorter span",
+                "Give samples that cover the span, or shorten the span",
             )
 
     def left_out(self, start: float, end: float) -> list[str]:
@@ -304,8 +303,8 @@ def fitting(value: Array, shape: tuple[int, ...], where: str, when: str = "") ->
         return value.reshape(shape)
     raise DeclarationError(
         where,
-        f"it has the shape {value.shape}{when}, but {shape or 'a single value'} is needed",
-        f"Give an array of shape {shape}" if shape else "Give one",
+        f"its shape is {value.shape}{when}, but {shape or 'a single value'} is needed",
+        f"Give an array of shape {shape}" if shape else "Give a number",
     )
 
 
@@ -322,6 +321,6 @@ def finite(value: Array, where: str, place: str = "") -> Array:
         entry = f"[{', '.join(map(str, position))}]" if position else ""
         when = f" at {place}" if place else ""
         raise DeclarationError(
-            f"{where}{entry}", f"it is {value[position]}{when}", "It must be finite"
+            f"{where}{entry}", f"it is {value[position]}{when}", "Give finite values"
         )
     return value

@@ -21,8 +21,6 @@ class WeightedSignals(Signal):
     ----------
     parts : sequence of (float, Signal)
         Weights, and signals of one value.
-    where : str
-    clock : Clock
     shape : tuple of int
         Of one value: axes of length 1, or none.
     """

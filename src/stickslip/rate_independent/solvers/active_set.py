@@ -94,7 +94,6 @@ def enter(A: Matrix, L: Matrix, order: IntVector, m: int, k: int) -> None:
         The moving components; written.
     m : int
         How many of them there are.
-    k : int
     """
     square = A[k, k]
     for i in range(m):
@@ -134,7 +133,6 @@ def target(face: Face, r: Vector, lower: Vector, upper: Vector, x: Vector) -> No
 
     Parameters
     ----------
-    face : Face
     r, lower, upper : array, shape (n,)
         Force at rest, and its bounds.
     x : array, shape (n,)
@@ -226,7 +224,6 @@ def solve_face(
         Where the search begins; written.
     r, lower, upper : array, shape (n,)
         Force at rest, and its bounds.
-    noise : float
     d : array, shape (n,)
         Written: the increment.
     x : array, shape (n,)
@@ -283,7 +280,6 @@ def advance_boxes(
         Written.
     effort : array of int, shape (steps,)
         Written: changes of the signs in each step.
-    space : BoxSpace
     """
     A = face.A
     n = len(z)

@@ -35,7 +35,6 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
 
     Parameters
     ----------
-    problem : Evolution
     name : {None, "dense", "multigrid"}
         None: multigrid where K is a product of intervals or balls and A is sparse, with more than
         800 or 100 rows; otherwise dense.
@@ -59,7 +58,7 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
     if name != "dense":
         able = "dense or multigrid" if together else "dense"
         raise DeclarationError(
-            "solver", f"{name!r} cannot treat {type(psi).__name__}", f"Use {able}"
+            "solver", f"{name!r} does not support {type(psi).__name__}", f"Use {able}"
         )
     if problem.n > _DENSE:
         raise DeclarationError(

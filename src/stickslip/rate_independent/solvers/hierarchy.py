@@ -30,14 +30,12 @@ class Level:
 
     Attributes
     ----------
-    A : BlockRows
     truncated : Truncation
         H has the pattern of A.
     x, b, rest : array (nodes, m)
         Of a V-cycle: solution, right-hand side, b − H x.
     place : array (nodes,) of int
         Work space.
-    space : BlockSpace
     """
 
     A: BlockRows
@@ -90,7 +88,6 @@ class Factor:
 
     Attributes
     ----------
-    L : array (unknowns, unknowns)
     scale : array (unknowns,)
         The diagonal matrix S.
     """
@@ -140,7 +137,6 @@ class Hierarchy:
 
     Attributes
     ----------
-    levels : list of Level
     transfers : list of Transfer
         transfers[k] between levels[k] and levels[k + 1].
     factor : Factor or None

@@ -60,7 +60,7 @@ def _check_symmetric(A: Any) -> None:
         raise DeclarationError(
             f"A[{i}, {j}]",
             f"{A[i, j]:.9g}, but A[{j}, {i}] = {A[j, i]:.9g}",
-            "A has to be symmetric",
+            "Give a symmetric matrix",
         )
 
 
@@ -97,7 +97,7 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
         return  # diagonally dominant
     ones = np.ones(n)
     if ones @ (A @ ones) <= noise * n:
-        raise _indefinite("a translation of all components costs no energy")
+        raise _indefinite("a translation of all components has zero energy")
     if n <= _DECIDED:
         options = {"SymmetricMode": True}
         try:
@@ -112,7 +112,7 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
             raise _indefinite(f"a pivot of its factorisation is {pivot:.6g}")
         return
     if (lowest := _lowest_ritz_value(A)) <= 0.0:
-        raise _indefinite(f"a direction has the energy {lowest:.6g}")
+        raise _indefinite(f"a direction has energy {lowest:.6g}")
 
 
 def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
@@ -142,5 +142,5 @@ def _indefinite(evidence: str) -> DeclarationError:
     return DeclarationError(
         "A",
         f"not positive definite: {evidence}",
-        "Fix a component, or add a spring that holds every direction",
+        "Fix a component, or add springs that restrain every direction",
     )

@@ -55,12 +55,12 @@ class StepOutcome(Enum):
     CONVERGED = ("converged", "The KKT residual is within the tolerance")
     ROUNDING = (
         "at rounding",
-        "The KKT residual is that of rounding and above the tolerance. Raise the tolerance",
+        "The KKT residual is limited by rounding and exceeds the tolerance. Increase the tolerance",
     )
     CYCLE_LIMIT = (
         "limit on cycles reached",
-        "Raise max_cycles. Matrices that are no discretised elliptic operator may need a dense "
-        "solver",
+        "The limit of max_cycles was reached. Increase max_cycles, or use a dense solver if the "
+        "matrix is not a discretised elliptic operator",
     )
 
     def __init__(self, label: str, message: str) -> None:
@@ -82,7 +82,6 @@ class StepResult:
         vanish).
     cycles : int
         Multigrid cycles on the finest level.
-    outcome : StepOutcome
     """
 
     delta: Array
@@ -146,7 +145,6 @@ class Multigrid:
             An increment to start from, if it is so near that nested iteration would not pay.
         tolerance : float
             Of the KKT residual, as a multiple of the largest weight.
-        max_cycles : int
 
         Raises
         ------
@@ -160,9 +158,7 @@ class Multigrid:
         d = self._start(law, start)
         residual, cycles, outcome = self._descend(0, law, d, tolerance * scale, max_cycles)
         if not np.isfinite(residual):
-            raise ConvergenceError(
-                "step", "the forces overflow", "Give A, r and the weights in other units"
-            )
+            raise ConvergenceError("step", "the forces overflow", "Rescale A, r and the weights")
         return StepResult(d.ravel(), residual / scale, cycles, outcome)
 
     def _law(self, r: Any, lower: Any, upper: Any, radii: Any) -> Law:
@@ -184,7 +180,7 @@ class Multigrid:
                 "Give lower <= 0 <= upper",
             )
         if m > 1 and np.any(law.lower != -law.upper):
-            raise DeclarationError("lower", "groups have radii, no box", "Give radii")
+            raise DeclarationError("lower", "groups have radii, not bounds", "Give radii")
         return law
 
     def _start(self, law: Law, given: Array | None) -> Array:
@@ -237,10 +233,6 @@ class Multigrid:
             Of the residual.
         limit : int
             Most cycles.
-
-        Returns
-        -------
-        residual, cycles, outcome
         """
         level = self.hierarchy.levels[depth]
         b = np.empty_like(d)
@@ -403,7 +395,7 @@ def max_norm(v: Array) -> float:
 def checked_vector(given: Any, name: str, size: int) -> Array:
     """An array of finite numbers of that size."""
     if given is None:
-        raise DeclarationError(name, "it is missing", f"Give {size} numbers")
+        raise DeclarationError(name, "the value is missing", f"Give {size} numbers")
     # compiled functions take no array that they could not write to
     array = np.require(given, float, ("C", "A", "W"))
     if array.shape != (size,):
@@ -423,7 +415,9 @@ def block_rows(A: Any, groups: int) -> tuple[BlockRows, Any]:
     n = A.shape[0]
     if groups < 1 or n % groups:
         raise DeclarationError(
-            "groups", f"{groups} does not divide the {n} rows of A", "Give the size of one group"
+            "groups",
+            f"{groups} is not a divisor of the number of rows of A, {n}",
+            "Give the size of one group",
         )
     if not A.has_canonical_format:
         A = A.copy()

@@ -23,14 +23,7 @@ _HELD = 1.0 + 1e-12
 
 
 class BlockRows(NamedTuple):
-    """A sparse matrix in block rows.
-
-    Attributes
-    ----------
-    start : array (nodes + 1,) of int32
-    column : array (entries,) of int32
-    value : array (entries, m, m)
-    """
+    """A sparse matrix in block rows."""
 
     start: Int32Vector
     column: Int32Vector
@@ -47,13 +40,7 @@ class NodeRows(NamedTuple):
 
 
 class BlockSpace(NamedTuple):
-    """Work space for the equations of one node.
-
-    Attributes
-    ----------
-    g, y : arrays (m,)
-    L : array (m, m)
-    """
+    """Work space for the equations of one node."""
 
     g: Vector
     y: Vector
@@ -90,7 +77,6 @@ def solve_shifted(B: Matrix, shift: float, g: Vector, L: Matrix, x: Vector) -> N
     Parameters
     ----------
     B : array, shape (m, m)
-    shift : float
     g : array, shape (m,)
     L : array, shape (m, m)
     x : array, shape (m,)
@@ -126,7 +112,6 @@ def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y:
     B : array, shape (m, m)
         Symmetric positive definite.
     g : array, shape (m,)
-    radius : float
     L : array, shape (m, m)
     x : array, shape (m,)
         Written.
@@ -170,14 +155,12 @@ def relax(
 
     Parameters
     ----------
-    A : BlockRows
     r : array, shape (nodes, m)
         Force at d = 0.
     lower, upper : array, shape (nodes,)
         Bounds of the force; if m > 1, `upper` is the radius.
     d : array, shape (nodes, m)
         Written.
-    space : BlockSpace
     """
     start = A.start
     column = A.column
@@ -224,7 +207,6 @@ def forces(
 
     Parameters
     ----------
-    A : BlockRows
     r : array, shape (nodes, m)
         Force at d = 0.
     lower, upper : array, shape (nodes,)
@@ -289,7 +271,6 @@ def gauss_seidel_sweep(
 
     Parameters
     ----------
-    H : BlockRows
     inverse : array, shape (nodes, m, m)
         Inverses of its diagonal blocks; 0 in empty rows.
     b : array, shape (nodes, m)
@@ -297,7 +278,6 @@ def gauss_seidel_sweep(
         Written.
     backward : bool
         From the last row to the first.
-    space : BlockSpace
     """
     start = H.start
     column = H.column
@@ -331,7 +311,6 @@ def defect(H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, out: Matrix) -> 
 
     Parameters
     ----------
-    H : BlockRows
     inverse : array, shape (nodes, m, m)
         0 in empty rows.
     b, x : array, shape (nodes, m)
@@ -389,7 +368,6 @@ def slope_along(lower: Vector, upper: Vector, d: Matrix, p: Matrix, t: float) ->
     lower, upper : array, shape (nodes,)
         Bounds of the force; if m > 1, `upper` is the radius.
     d, p : array, shape (nodes, m)
-    t : float
     """
     m = d.shape[1]
     total = 0.0

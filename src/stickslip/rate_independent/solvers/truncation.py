@@ -86,14 +86,12 @@ def truncate(
 
     Parameters
     ----------
-    A : BlockRows
     upper : array, shape (nodes,)
         Upper bounds of the force, or radii.
     d : array, shape (nodes, m)
     truncated : Truncation
         H has the pattern of A. On entry, `inverse` tells which rows were empty before, and `dirty`
         which rows to write in any case; on return, `dirty` tells which were written.
-    space : BlockSpace
     """
     start = A.start
     column = A.column
@@ -119,13 +117,10 @@ def truncate_row(
 
     Parameters
     ----------
-    A : BlockRows
     upper : array, shape (nodes,)
     d : array, shape (nodes, m)
-    i : int
     truncated : Truncation
         Its inverse in this row is 0.
-    space : BlockSpace
     """
     value = truncated.H.value
     m = d.shape[1]
@@ -159,7 +154,6 @@ def galerkin(
 
     Parameters
     ----------
-    fine : Truncation
     P, R : NodeRows
         Prolongation and its transpose.
     A : BlockRows
@@ -169,7 +163,6 @@ def galerkin(
         on return which rows were made.
     place : array of int, shape (coarse nodes,)
         Work space.
-    space : BlockSpace
     """
     H = coarse.H
     m = H.value.shape[1]
@@ -214,10 +207,6 @@ def add_products(
 
     Parameters
     ----------
-    H : BlockRows
-    i : int
-    weight : float
-    P : NodeRows
     place : array of int, shape (coarse nodes,)
         Entry of the row for each column.
     coarse : BlockRows

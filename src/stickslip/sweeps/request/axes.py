@@ -111,7 +111,6 @@ def read_axes(
 
     Parameters
     ----------
-    system : System
     over : mapping or sequence of str
         By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one
         column each); by any name that is free, records. A sequence holds texts ``NAME=VALUES``.
@@ -127,19 +126,19 @@ def read_axes(
         over = axes_of_texts(over)
     if not over:
         raise DeclarationError(
-            "over", "there is nothing to vary", "Name a parameter, as in P=0.8:1.6:400"
+            "over", "no axis was given", "Give a parameter and its values, as in P=0.8:1.6:400"
         )
     axes = tuple(_axis(key, given, seed) for key, given in over.items())
     names = [name for axis in axes for name in axis.names]
     for name in names:
         if names.count(name) > 1:
-            raise DeclarationError(f"over.{name}", "it varies along two axes", "Give it once")
+            raise DeclarationError(f"over.{name}", "it varies along two axes", "Give it once only")
     for axis in axes:
         _check_values(system, axis)
     _check_corners(system, axes)
     if math.prod(len(axis) for axis in axes) > _MOST_POINTS:
         raise DeclarationError(
-            "over", f"the map has more than {_MOST_POINTS:,} points", "Give fewer values"
+            "over", f"the map has more than {_MOST_POINTS:,} points", "Use fewer values"
         )
     return axes
 
@@ -159,7 +158,7 @@ def _once(texts: Sequence[str]) -> Sequence[str]:
     keys = [text.partition("=")[0].strip() for text in texts]
     for key in keys:
         if keys.count(key) > 1:
-            raise DeclarationError(f"over.{short(key)}", "given twice", "Give it once")
+            raise DeclarationError(f"over.{short(key)}", "given twice", "Give it once only")
     return texts
 
 
@@ -177,20 +176,22 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
         return _from_text(names, given, where, seed)
     if isinstance(given, Records):
         if len(names) > 1:
-            raise DeclarationError(where, "records have one name", "Write {'record': records}")
+            raise DeclarationError(
+                where, "an axis of records has a single name", "Write {'record': records}"
+            )
         return Axis(names, given.numbers, "list", tuple(given))
     if isinstance(given, tuple) and len(given) == 3 and type(given[2]) is int:
         low, high, number = given
         raise DeclarationError(
             where,
-            f"{given!r} may be a range or three values",
+            f"{given!r} is ambiguous: a range or three values",
             f'Write "{low}:{high}:{number}", or the list [{low}, {high}, {number}]',
         )
     try:
         values = np.array(given, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            where, "its values are not numbers", f"Give numbers, or a text. {_FORM}"
+            where, "its values are not numbers", f"Give numbers, or a string. {_FORM}"
         ) from None
     return _table(names, np.atleast_2d(values), "list", where)
 
@@ -202,13 +203,17 @@ def _from_text(names: tuple[str, ...], text: str, where: str, seed: int) -> Axis
         return _sample(names, kind, parts, where, seed)
     if len(parts) not in (1, len(names)):
         raise DeclarationError(
-            where, f"{len(names)} names and {len(parts)} lists of values", "Give one for each name"
+            where,
+            f"{len(names)} names, but {len(parts)} lists of values",
+            "Give one list for each name",
         )
     columns = [_column(part, where) for part in parts]
     if len({len(values) for values, _ in columns}) > 1:
         lengths = ", ".join(str(len(values)) for values, _ in columns)
         raise DeclarationError(
-            where, f"the names are tied, but have {lengths} values", "Give as many to each"
+            where,
+            f"the names vary together, but have {lengths} values",
+            "Give the same number of values for each",
         )
     values = np.array([values for values, _ in columns] * (len(names) // len(parts)))
     return _table(names, values, columns[0][1], where)
@@ -224,7 +229,7 @@ def _column(text: str, where: str) -> tuple[Array, str]:
     count = _count(rest[0], where)
     if count == 1 and low != high:
         raise DeclarationError(
-            where, "one value cannot span a range", "Give at least 2, or the value alone"
+            where, "a range needs more than one value", "Give at least 2 values, or the value alone"
         )
     return (np.geomspace if spacing == "log" else np.linspace)(low, high, count), spacing
 
@@ -239,7 +244,7 @@ def _interval(text: str, where: str, form: str) -> tuple[float, float, list[str]
     low, high = (_number(part, where) for part in parts[:2])
     if spacing == "log" and not (low > 0.0 and high > 0.0):
         raise DeclarationError(
-            where, f"a logarithmic range from {low:g} to {high:g}", "Both ends have to be positive"
+            where, f"a logarithmic range from {low:g} to {high:g}", "Give positive ends"
         )
     return low, high, parts[2:], spacing
 
@@ -249,7 +254,10 @@ def _sample(names: tuple[str, ...], kind: str, parts: list[str], where: str, see
     head = parts[0].split(":")
     if len(head) != 2 or len(parts) != 1 + len(names):
         raise DeclarationError(
-            where, f"a sample of {len(names)} names needs its number and their bounds", _SAMPLE_FORM
+            where,
+            f"a sample of {len(names)} names needs the number of points and the bounds of "
+            "each name",
+            _SAMPLE_FORM,
         )
     count = _count(head[1], where)
     values = np.empty((len(names), count))
@@ -258,7 +266,7 @@ def _sample(names: tuple[str, ...], kind: str, parts: list[str], where: str, see
     ):
         low, high, rest, spacing = _interval(text, where, _SAMPLE_FORM)
         if rest:
-            raise DeclarationError(where, f"'{short(text)}' has a number too many", _SAMPLE_FORM)
+            raise DeclarationError(where, f"'{short(text)}' has too many numbers", _SAMPLE_FORM)
         inside = low * (high / low) ** unit if spacing == "log" else low + (high - low) * unit
         values[i] = np.clip(inside, min(low, high), max(low, high))
     return _table(names, values, kind, where)
@@ -297,14 +305,14 @@ def _count(text: str, where: str) -> int:
     text = text.strip()
     if not text.isdecimal() or not 1 <= int(text[:12]) <= _MOST_VALUES:
         reason = f"'{short(text)}' is not a number of points"
-        raise DeclarationError(where, reason, f"Give a whole number from 1 to {_MOST_VALUES:,}")
+        raise DeclarationError(where, reason, f"Give an integer from 1 to {_MOST_VALUES:,}")
     return int(text)
 
 
 def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> Axis:
     if values.ndim != 2 or len(values) != len(names):
         raise DeclarationError(
-            where, f"not one list of values for each of {len(names)} names", _FORM
+            where, f"expected one list of values for each of {len(names)} names", _FORM
         )
     if values.shape[1] == 0:
         raise DeclarationError(where, "there are no points", "Give at least one value")
@@ -314,7 +322,7 @@ def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> A
     twice = np.flatnonzero(np.all(values[:, order[1:]] == values[:, order[:-1]], axis=0))
     if len(twice) and spacing not in SAMPLES:
         again = ", ".join(f"{v:g}" for v in values[:, order[twice[0]]])
-        raise DeclarationError(where, f"the value {again} stands twice", "Give each value once")
+        raise DeclarationError(where, f"the value {again} occurs twice", "Give each value once")
     return Axis(names, np.ascontiguousarray(values), spacing)
 
 
@@ -323,8 +331,8 @@ def _check_values(system: System, axis: Axis) -> None:
     declaration = system.declaration
     taken = {*system.parameters, *declaration.state, *system.drives}
     if axis.labels and (name := axis.names[0]) in taken:
-        remedy = "Call the axis something else, such as record"
-        raise DeclarationError(f"over.{name}", f"{system.name} has something called so", remedy)
+        remedy = "Use another name for the axis, such as record"
+        raise DeclarationError(f"over.{name}", f"the name is already used in {system.name}", remedy)
     for name, column in zip(axis.names, axis.values, strict=True):
         if axis.labels:
             continue
@@ -336,14 +344,14 @@ def _check_values(system: System, axis: Axis) -> None:
             mode = next(iter(system.unknown(name)))
             raise DeclarationError(
                 f"over.{short(name)}",
-                "an unknown of a structure, and the state has its modes",
+                "a degree of freedom of a structure; the state has its modes",
                 f"Vary the amplitude of a mode, such as {mode}",
             )
         elif name not in declaration.state:
             known = ", ".join([*system.parameters, *declaration.state])
             raise DeclarationError(
                 f"over.{short(name)}",
-                "neither a parameter nor a part of the state",
+                "unknown parameter or part of the state",
                 f"Known: {known}",
             )
 
@@ -368,7 +376,6 @@ class Grid:
 
     Attributes
     ----------
-    axes : tuple of Axis
     chunk : tuple of int
         Points of a chunk along each axis.
     """
@@ -401,7 +408,6 @@ class Grid:
 
         Parameters
         ----------
-        region : tuple of slice
         inside : array of int
             Positions of the points in the region, in C order.
         """
@@ -425,7 +431,6 @@ def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
 
     Parameters
     ----------
-    axes : sequence of Axis
     lines : sequence of int, optional
         Axes along which points need each other, and so are divided last; of two of them the second
         is that of the directions.

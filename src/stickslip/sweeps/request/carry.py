@@ -69,8 +69,6 @@ def read_carry(
 
     Parameters
     ----------
-    system : System
-    axes : tuple of Axis
     carry : str or None
         Names of an axis, and where to: ``"omega"`` takes its values as they are given, ``"omega
         up"`` and ``"omega down"`` by size, ``"omega both"`` up and then down again.
@@ -89,9 +87,9 @@ def read_carry(
     if not found:
         names = ", ".join(",".join(names) for names in known)
         last = words[-1] if words else ""
-        reason = f"'{short(str(carry))}' is no axis of the map"
+        reason = f"'{short(str(carry))}' is not an axis of the map"
         if len(words) > 1 and any(tuple(words[:-1]) == names for names in known):
-            reason = f"there is no direction '{short(last)}'"
+            reason = f"unknown direction '{short(last)}'"
         raise DeclarationError("carry", reason, f"The axes are {names}. {_FORM}")
     axis = axes[found[0]]
     text = ",".join(axis.names)
@@ -100,15 +98,15 @@ def read_carry(
     if way and not (np.all(grows > 0.0) or np.all(grows < 0.0)):
         raise DeclarationError(
             "carry",
-            f"the values of {text} go up and down, so that there is no way {way}",
-            f'Carry along them as they are given: "{text}"',
+            f"the values of {text} are not monotone, so the direction '{way}' is undefined",
+            f'Carry along them in the given order: "{text}"',
         )
     up = 1 if not len(grows) or grows[0] > 0.0 else -1
     steps = {"": (1,), "up": (up,), "down": (-up,), "both": (up, -up)}[way]
     if way == "both":
         if DIRECTION in {*system.parameters, *system.declaration.state}:
-            reason = f"{system.name} has something called '{DIRECTION}' itself"
-            raise DeclarationError("carry", reason, "Sweep up and down, each in a map of its own")
+            reason = f"the name '{DIRECTION}' is already used in {system.name}"
+            raise DeclarationError("carry", reason, "Compute two maps, one up and one down")
         axes = (*axes, Axis((DIRECTION,), np.array([[1.0, -1.0]]), "list"))
     words = [text, "up and down" if way == "both" else way]
     return axes, Carry(found[0], steps, " ".join(word for word in words if word))
@@ -119,14 +117,14 @@ def _check_axis(system: System, axis: Axis, text: str) -> None:
         if name not in system.parameters:
             raise DeclarationError(
                 "carry",
-                f"{name} is an initial value; a motion that is carried begins where the one before "
-                "ended",
+                f"{name} is an initial value, but a carried motion begins at the end of the "
+                "previous one",
                 "Carry along a parameter",
             )
     if axis.spacing in SAMPLES:
         raise DeclarationError(
             "carry",
-            f"{text} are samples, which have no order",
+            f"{text} is a random or low-discrepancy sample, which is not ordered",
             f"Give a range, as in {axis.names[0]}=0.8:1.6:400",
         )
 

@@ -1,31 +1,31 @@
-"""The named measures of what a motion has settled on.
+"""The named measures of long-term motions.
 
-``period``, ``energy_per_cycle`` (dissipated by the contacts) and ``switches`` are those of a cycle;
-``amplitude`` (half the range, of the first component of the state or of ``amplitude:x``), ``speed``
-(along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
-contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
-mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; in a plane the mean is of one
-component, ``mean_force:table 1``) and ``lyapunov`` are also those
-of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
-are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
-(its value where what is measured begins), ``mean``, ``time`` (when that is) and ``duration`` (how
-long it is).
+Measures of a cycle: ``period``, ``energy_per_cycle`` (dissipated by the contacts), ``switches``.
+
+Measures of a cycle, of rest, of steady sliding, and of the last part of a motion that has not
+converged: ``amplitude`` (half the range, of the first component of the state or of
+``amplitude:x``), ``speed`` (along the translation, or of ``speed:x``), ``stick_fraction`` (fraction
+of the time in which all contacts stick, or ``stick_fraction:contact``), ``peak_force`` and
+``mean_force`` (largest |λ| and mean λ; over all contacts the largest |λ|, or
+``peak_force:contact``; in a plane the mean is of one component, ``mean_force:table 1``),
+``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean``, ``shift`` (its
+change), ``state`` (its value at the beginning of the measured part), ``time`` (of that beginning)
+and ``duration`` (of that part).
 
 In place of a component there may be an output, an unknown of a structure, a force or any other
-formula of what results show: ``high:tip``, ``amplitude:u[tip] - u[root]``,
+formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,
 ``mean:friction_ground``.
 
-Where a drive is known for a time only, as a record of an earthquake is, nothing settles: what is
-measured is the motion over the declared span, and what belongs to a cycle is refused.
+If a drive is given for a limited time, such as an earthquake record, there is no long-term motion:
+the motion over the declared span is measured, and measures of cycles are refused.
 
-Some are seen only in the motion of the period itself, which is followed once more for them: all
-that are measured of formulas, and
-``harmonic`` and ``phase`` (amplitude and phase of the first harmonic, with the frequency of the
-drives, or of the cycle if there are none, as of amplitude·cos(ωt + phase); of a component or of a
-force, ``harmonic:friction_ground``), ``relative_phase`` (relative to the drive, negative if it lags
-behind), ``energy_per_distance`` (all that is dissipated over the distance along the translation, or
-``energy_per_distance:x``) and ``cost_of_transport`` (the same over a weight, which is named by a
-formula of the parameters, ``cost_of_transport:m*g``).
+Some measures compute the period once more: those of formulas, ``harmonic`` and ``phase`` (amplitude
+and phase of the first harmonic, amplitude·cos(ωt + phase), at the frequency of the drives, or of
+the cycle if there are none; of a component or of a force, ``harmonic:friction_ground``),
+``relative_phase`` (relative to the drive, negative for a lag), ``energy_per_distance`` (all
+dissipation over the distance along the translation, or ``energy_per_distance:x``) and
+``cost_of_transport`` (the same divided by a weight, which is a formula of the parameters,
+``cost_of_transport:m*g``).
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ def _named(system: System, measure: str) -> Named:
     name, _, of = measure.partition(":")
     if name not in MEASURES:
         raise DeclarationError(
-            "measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}"
+            "measure", f"unknown measure '{name}'", f"Known: {', '.join(MEASURES)}"
         )
     known = {
         "component": system.declaration.state,
@@ -240,12 +240,12 @@ def _named(system: System, measure: str) -> Named:
     opening = [c.name for c in system.declaration.contacts if c.opens]
     unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
     if of and (MEASURES[name].of == "quantity" or _of_formula(system, measure)):
-        remedy = "Declare it under 'outputs', and give its name"
+        remedy = "Declare it under 'outputs', and use its name"
         one_period.check_variable(of, f"measure.{name}", remedy)
         read_formula(system, of, f"measure.{name}")
     elif of and unknown and MEASURES[name].of != "weight":
-        remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
-        raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
+        remedy = f"Known: {', '.join(known)}" if known else f"Use '{name}'"
+        raise DeclarationError(f"measure.{name}", f"unknown quantity '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
         raise DeclarationError(
             "measure.speed",
@@ -259,16 +259,16 @@ def _named(system: System, measure: str) -> Named:
             if others and asked in {c.name for c in own}:
                 raise DeclarationError(
                     f"measure.{name}",
-                    f"'{asked}' rubs along the direction of {others}: while they stick, only the "
-                    "sum of their forces is determined",
-                    "Declare one contact with the sum of their thresholds",
+                    f"'{asked}' has the same direction as {others}: in stick only the sum of "
+                    "their forces is determined",
+                    "Combine them into one contact, with the sum of the thresholds",
                 )
     one_period.check_period_measure(system, name, of)
     if known_for_a_time(system) and name not in _OF_A_SPAN:
         raise DeclarationError(
             f"measure.{name}",
-            f"the samples that drive {system.name} end, and no motion settles",
-            f"Of the motion over the span there are {', '.join(_OF_A_SPAN)} and functions of yours",
+            f"the samples that drive {system.name} end, so no motion settles",
+            f"Use {', '.join(_OF_A_SPAN)}, or your own functions",
         )
     return MEASURES[name]
 
@@ -305,11 +305,7 @@ def measured_again(
 
     Parameters
     ----------
-    problem : Problem
     table : array, shape (points, parameters)
-    observed : Observed
-    measures : sequence of str
-    settings : Settings
     time_limit : float, optional
         Seconds of processor time that each may take.
     """

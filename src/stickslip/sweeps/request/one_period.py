@@ -123,7 +123,7 @@ def cost_of_transport(motion: Trajectory, of: str) -> float:
 def check_variable(of: str, where: str, remedy: str) -> None:
     """Refuse what cannot be a part of the name of a variable."""
     if "/" in of:
-        reason = f"'{short(of)}' has a /, which no name of a variable may have"
+        reason = f"'{short(of)}' contains a /, which is not allowed in the name of a variable"
         raise DeclarationError(where, reason, remedy)
 
 
@@ -138,7 +138,7 @@ def check_period_measure(system: System, name: str, of: str) -> None:
     if name == "cost_of_transport":
         if not of:
             raise DeclarationError(
-                where, "no weight is named", "Name it, like cost_of_transport:m*g"
+                where, "the weight is missing", "Add it, like cost_of_transport:m*g"
             )
         check_variable(of, where, "Write 'cost = energy_per_distance/(...)'")
         weight(system, of, system.values)
@@ -157,7 +157,7 @@ def check_period_measure(system: System, name: str, of: str) -> None:
 def _check_drive(system: System, of: str) -> None:
     where = "measure.relative_phase"
     if not driven(system):
-        raise DeclarationError(where, f"nothing drives {system.name}", "Ask for 'phase'")
+        raise DeclarationError(where, f"{system.name} has no drive", "Use 'phase'")
     try:
         text, formula = read_drive(system, of)
     except DeclarationError as error:
@@ -165,7 +165,7 @@ def _check_drive(system: System, of: str) -> None:
         raise DeclarationError(where, error.reason, remedy) from None
     if not _oscillates(formula):
         raise DeclarationError(
-            where, f"{text} does not oscillate", f"Ask for 'phase:{of}', which counts from t = 0"
+            where, f"{text} does not oscillate", f"Use 'phase:{of}', which is relative to t = 0"
         )
 
 

@@ -13,14 +13,14 @@ import numpy as np
 
 from stickslip.errors import some
 from stickslip.model.entries.declared import Kind
-from stickslip.model.quantities import described, quantity
+from stickslip.model.quantities import described, described_as, quantity, unit_of_measures
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
 from stickslip.sweeps.request.measures import LACKING, certified_below
 from stickslip.sweeps.request.records import Driven
-from stickslip.sweeps.request.user_measures import REASONS, Measure, variable
+from stickslip.sweeps.request.user_measures import REASONS, FormulaMeasure, Measure, variable
 
 NOT_COMPUTED = -1
 INTERPOLATED = -2
@@ -58,9 +58,6 @@ class Plan:
 
     Attributes
     ----------
-    system : System
-    axes : tuple of Axis
-    measures : tuple of measures
     initial : dict of str to float
         Initial values that hold at all points.
     settings : Settings
@@ -137,17 +134,17 @@ class Plan:
         spans = [json.loads(part.get("span", "null")) for part in (parts, own)]
         if spans[0] != spans[1]:
             there, here = (span or "that of each record" for span in spans)
-            return Difference(Part.SPAN, f"over another time span ({there} there, {here} here)")
+            return Difference(Part.SPAN, f"over another time span (stored {there}, now {here})")
         carries = [part.get("carry", "") for part in (parts, own)]
         if carries[0] != carries[1]:
             there, here = (f"along {text}" if text else "not at all" for text in carries)
-            text = f"that is carried in another way ({there} there, {here} here)"
+            text = f"that is carried differently (stored {there}, now {here})"
             return Difference(Part.CARRY, text)
         if parts["measures"] != own["measures"]:
             there, here = (
                 ", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"])
             )
-            return Difference(Part.MEASURES, f"of other measures ({there} there, {here} here)")
+            return Difference(Part.MEASURES, f"of other measures (stored {there}, now {here})")
         if parts["version"] != own["version"]:
             return Difference(
                 Part.VERSION, f"made by version {parts['version']} (this is {own['version']})"
@@ -157,12 +154,12 @@ class Plan:
     def _other_axes(self, axes: tuple[Axis, ...]) -> Difference | None:
         there, here = ([",".join(axis.names) for axis in some] for some in (axes, self.axes))
         if there != here:
-            text = f"over other axes ({' and '.join(there)} there, {' and '.join(here)} here)"
+            text = f"over other axes (stored {' and '.join(there)}, now {' and '.join(here)})"
             return Difference(Part.AXES, text)
         for old, new in zip(axes, self.axes, strict=True):
             if not old.same_as(new):
                 names = ",".join(new.names)
-                text = f"over other values of {names} ({_range(old)} there, {_range(new)} here)"
+                text = f"over other values of {names} (stored {_range(old)}, now {_range(new)})"
                 return Difference(Part.VALUES, text)
         return None
 
@@ -190,10 +187,15 @@ class Plan:
             if isinstance(measure, str):
                 found[name] = ("f8", np.nan, described(self.system, measure))
                 continue
+            unit = (
+                unit_of_measures(self.system, measure.expression)
+                if isinstance(measure, FormulaMeasure)
+                else "1"
+            )
             found[name] = (
                 "f8",
                 np.nan,
-                {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)},
+                {**described_as(name.replace("_", " "), unit), "measure": str(measure)},
             )
             why = _flags(dict(enumerate(REASONS))) | {"long_name": f"why {name} is missing"}
             found[f"{name}_missing"] = ("i1", 0, why)
@@ -202,7 +204,7 @@ class Plan:
                 "time": quantity(self.system, "t"),
                 **{x: quantity(self.system, x) for x in self.system.declaration.state},
             }.items():
-                meaning = f"{about['long_name']} from which the next point goes on"
+                meaning = f"{about['long_name']} at which the next point continues"
                 found[f"{CARRIED}{name}"] = ("f8", np.nan, {**about, "long_name": meaning})
         tolerance = certified_below(self.settings)
         found["certificate"] = (
@@ -270,12 +272,12 @@ def _first_difference(there: Any, here: Any, where: str = "") -> str:
         for key in [*there, *(key for key in here if key not in there)]:
             inner = f"{where}.{key}" if where else key
             if key not in here or key not in there:
-                return f"{inner}: only {'there' if key in there else 'here'}"
+                return f"{inner}: only {'in the stored one' if key in there else 'in the new one'}"
             found = _first_difference(there[key], here[key], inner)
             if found:
                 return found
         return ""
-    return "" if there == here else f"{where}: {there} there, {here} here"
+    return "" if there == here else f"{where}: stored {there}, now {here}"
 
 
 def _range(axis: Axis) -> str:

@@ -42,18 +42,18 @@ _GAP = 1.5  # steps, from which on something is missing
 
 
 class Records(Mapping[str, Mapping[str, Samples]]):
-    """Records, by name: what drives a system is one of them after the other.
+    """Named records, each of which drives a system once.
 
     Parameters
     ----------
     records : mapping of str to Samples, or to mapping of str to Samples
-        By name: the record of the only drive of a system, or those of several drives by their
-        names, such as two components of a ground motion.
+        For each name the record of the only drive of a system, or records of several drives by
+        their names, such as two components of a ground motion.
 
     Raises
     ------
     DeclarationError
-        If there are none, two are the same, or they drive different things.
+        If there are no records, two are identical, or they drive different inputs.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Records(Mapping[str, Mapping[str, Samples]]):
                     raise DeclarationError(where, reason, "Write ss.Samples(times, values)")
             self._records[str(name)] = dict(parts)
         if not self._records or not all(self._records.values()):
-            raise DeclarationError("records", "there are none", "Give at least one")
+            raise DeclarationError("records", "no records were given", "Give at least one record")
         self._check()
 
     @classmethod
@@ -124,15 +124,19 @@ class Records(Mapping[str, Mapping[str, Samples]]):
             message names the file, the row and the remedy.
         """
         if not math.isfinite(factor) or factor == 0.0:
-            raise DeclarationError("factor", f"{factor!r} is no factor", "Give a number but 0")
+            raise DeclarationError(
+                "factor", f"{factor!r} is not a nonzero number", "Give a nonzero number"
+            )
         if peak is not None and not (0.0 < peak < math.inf and factor == 1.0):
             reason = (
-                f"{peak!r} is no positive number" if factor == 1.0 else "a factor is given, too"
+                f"{peak!r} is not a positive number"
+                if factor == 1.0
+                else "both a factor and a peak are given"
             )
-            raise DeclarationError("peak", reason, "Give a positive number, and no factor")
+            raise DeclarationError("peak", reason, "Give a positive peak, or a factor only")
         names = (drives,) if isinstance(drives, str) else tuple(drives)
         if len(names) > 1 and value:
-            raise DeclarationError("value", "several drives have a column each", "Leave it out")
+            raise DeclarationError("value", "several drives have one column each", "Remove it")
         found: dict[str, dict[str, Samples]] = {}
         files = _files(Path(folder), pattern)
         stems = [file.stem for file in files]
@@ -198,19 +202,23 @@ class Records(Mapping[str, Mapping[str, Samples]]):
         for name, parts in self._records.items():
             if tuple(parts) != first:
                 there, here = (", ".join(p) or "the only drive" for p in (first, parts))
-                reason = f"it is for {here}, and '{names[0]}' for {there}"
-                raise DeclarationError(f"records.{short(name)}", reason, "Give the same to each")
+                reason = f"it drives {here}, but '{names[0]}' drives {there}"
+                raise DeclarationError(
+                    f"records.{short(name)}", reason, "Use the same drives for all records"
+                )
             if len({samples.ends for samples in parts.values()}) > 1 or (
                 _ends(parts) != _ends(self._records[names[0]])
             ):
-                reason = "some of the records repeat, and some end"
-                raise DeclarationError(f"records.{short(name)}", reason, "Give either kind")
+                reason = "some records are periodic, and some end"
+                raise DeclarationError(f"records.{short(name)}", reason, "Use one kind")
             _span(parts, name)
         for i, digest in enumerate(self.digests):
             if digest in self.digests[:i]:
                 again = names[self.digests.index(digest)]
-                reason = f"it is the same as '{again}'"
-                raise DeclarationError(f"records.{short(names[i])}", reason, "Give each once")
+                reason = f"it is identical to '{again}'"
+                raise DeclarationError(
+                    f"records.{short(names[i])}", reason, "Give each record once"
+                )
 
 
 class Under(NamedTuple):
@@ -220,7 +228,6 @@ class Under(NamedTuple):
     ----------
     drives : tuple of (str, Samples)
         By the keys of the system.
-    span : (float, float)
     """
 
     drives: tuple[tuple[str, Samples], ...]
@@ -239,7 +246,6 @@ class Driven:
     ----------
     base : System
         With a factor of the records, if that varies.
-    records : Records
     keys : dict of str to str
         Under which drive of the base each part of a record stands.
     span : (float, float), optional
@@ -313,7 +319,6 @@ def read_records(
 
     Parameters
     ----------
-    system : System
     over : mapping or sequence
         The axes.
     span : (float, float), optional
@@ -330,7 +335,7 @@ def read_records(
         return None
     if len(axes) > 1:
         names = " and ".join(str(key) for key, _ in axes)
-        raise DeclarationError("over", f"{names} are records", "Put them into one axis")
+        raise DeclarationError("over", f"{names} are records", "Combine them into one axis")
     ((_, records),) = axes
     declared = {parse_signature(key, "drives")[0]: key for key in system.drives}
     keys = {part: _drive(part, declared, system.name) for part in records.drives}
@@ -351,10 +356,10 @@ def _drive(part: str, declared: Mapping[str, str], system: str) -> str:
         return next(iter(declared.values()))
     known = ", ".join(declared) or "none"
     if not part:
-        reason = f"{system} has {len(declared)} drives, and which is recorded is not said"
-        raise DeclarationError("records", reason, f"Name one with drives=, --drive: {known}")
+        reason = f"{system} has {len(declared)} drives, and the recorded one is ambiguous"
+        raise DeclarationError("records", reason, f"Choose one with drives= or --drive: {known}")
     raise DeclarationError(
-        f"records.{short(part)}", f"{system} has no such drive", suggestion(part, declared)
+        f"records.{short(part)}", f"unknown drive of {system}", suggestion(part, declared)
     )
 
 
@@ -371,7 +376,9 @@ def _with_scale(system: System, keys: Mapping[str, str]) -> tuple[System, dict[s
         recorded = f"{name}{_RECORDED}"
         if recorded in system.drives:
             where = entry_key("drives", recorded)
-            raise DeclarationError(where, "a scaled record is called so", "Give it another name")
+            raise DeclarationError(
+                where, "the name is reserved for scaled records", "Choose another name"
+            )
         drives[key] = f"{SCALE}*{recorded}"
         drives[recorded] = drive
         moved |= dict.fromkeys(parts, recorded)
@@ -388,19 +395,19 @@ def _files(folder: Path, pattern: str) -> list[Path]:
         there = sorted(path for path in folder.iterdir() if path.is_file())
         chosen = [path for path in there if _is_record(path, pattern)]
     except NotADirectoryError:
-        raise DeclarationError(str(folder), "this is no folder", "Name one of records") from None
+        raise DeclarationError(str(folder), "not a folder", "Give a folder of records") from None
     except FileNotFoundError:
-        raise DeclarationError(str(folder), "there is no such folder", "Check the path") from None
+        raise DeclarationError(str(folder), "no such folder", "Check the path") from None
     except (OSError, ValueError) as error:
-        reason = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise DeclarationError(str(folder), reason, "Check its name and its rights") from None
+        reason = f"the folder cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise DeclarationError(str(folder), reason, "Check the path and the permissions") from None
     if not chosen:
         if pattern:
-            reason = f"none of its {len(there)} files is called like '{short(pattern)}'"
+            reason = f"none of its {len(there)} files matches '{short(pattern)}'"
             raise DeclarationError(str(folder), reason, "Write it like *_h1.csv")
         known = ", ".join((*_TABLES, *(ending.upper() for ending in ENDINGS)))
-        reason = "there is no record in it"
-        raise DeclarationError(str(folder), reason, f"Names of records end with {known}")
+        reason = "the folder has no records"
+        raise DeclarationError(str(folder), reason, f"Files of records end with {known}")
     return chosen
 
 
@@ -430,9 +437,9 @@ def _check_gaps(times: Array, where: str) -> None:
     more = f", and {len(wide) - 1} more gaps" if len(wide) > 1 else ""
     raise DeclarationError(
         where,
-        f"samples are {step:.6g} apart, and there is none between {times[k]:.9g} and "
+        f"the time step is {step:.6g}, but there is no sample between {times[k]:.9g} and "
         f"{times[k + 1]:.9g}{more}",
-        "Fill the gap, or allow it: gaps=True, --gaps",
+        "Fill the gap, or allow it with gaps=True, --gaps",
     )
 
 
@@ -443,12 +450,14 @@ def _scaled(
     if peak is not None:
         largest = max(float(np.max(np.abs(samples.values))) for samples in parts.values())
         if largest == 0.0:
-            raise DeclarationError(where, "all values are 0, and have no peak", "Leave it out")
+            raise DeclarationError(
+                where, "all values are 0, so the record has no peak", "Remove it"
+            )
         factor = peak / largest
     if factor == 1.0:
         return dict(parts)
     return {
-        name: Samples(s.times, factor * s.values, s.kind, s.periodic, where=where)
+        name: Samples(s.times, factor * s.values, s.kind, s.periodic, where=where, unit=s.unit)
         for name, s in parts.items()
     }
 
@@ -462,6 +471,8 @@ def _span(parts: Mapping[str, Samples], name: str = "") -> tuple[float, float]:
     start = max(samples.span[0] for samples in parts.values())
     stop = min(samples.span[1] for samples in parts.values())
     if not start < stop:
-        reason = "no time is covered by all that it drives"
-        raise DeclarationError(f"records.{short(name)}", reason, "Give what is of the same time")
+        reason = "its drives do not overlap in time"
+        raise DeclarationError(
+            f"records.{short(name)}", reason, "Give samples of the same time span"
+        )
     return start, stop

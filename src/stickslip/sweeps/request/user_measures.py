@@ -57,8 +57,6 @@ class FormulaMeasure:
 
     Attributes
     ----------
-    name, text : str
-    expression : Expr
     needs : tuple of str
         Named measures that it is made of.
     """
@@ -91,10 +89,8 @@ class FunctionMeasure:
 
     Attributes
     ----------
-    name : str
     function : callable or None
         None: the function stands in a file, and is read from there by every process that needs it.
-    path : str
     digest : str
         Of its source, so that a store notices another function of the same name.
     """
@@ -132,7 +128,6 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
 
     Parameters
     ----------
-    system : System
     asked : sequence of str or callable
         Names of measures, possibly of one coordinate, output, formula or contact
         (``"amplitude:psi"``, ``"high:u[tip] - u[root]"``); formulas ``"name = formula"`` of
@@ -149,31 +144,26 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
         asked = [asked]
     measures = tuple(_measure(system, item) for item in asked)
     if not measures:
-        raise DeclarationError(
-            "measure", "there is nothing to measure", f"Known: {', '.join(MEASURES)}"
-        )
+        raise DeclarationError("measure", "no measure was given", f"Known: {', '.join(MEASURES)}")
     names = [variable(measure) for measure in measures]
     for name in names:
         if names.count(name) > 1:
             raise DeclarationError(
-                f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name"
+                f"measure.{short(name)}",
+                "it is given twice",
+                "Use a different name for each measure",
             )
         taken = {*system.parameters, *system.declaration.state, *OWN}
         if name in taken or name.startswith(CARRIED):
             raise DeclarationError(
-                f"measure.{short(name)}", "the name is taken", "Choose another name"
+                f"measure.{short(name)}", "the name is already used", "Choose another name"
             )
     return measures
 
 
 def offered_measures(system: System) -> dict[str, dict[str, str]]:
     """What can be measured of a system by a name alone, with unit and meaning: the named measures,
-    and those that other packages add.
-
-    Parameters
-    ----------
-    system : System
-    """
+    and those that other packages add."""
     found: dict[str, dict[str, str]] = {}
     for name in MEASURES:
         with suppress(DeclarationError):
@@ -203,7 +193,7 @@ def _measure(system: System, item: Any) -> Measure:
         return FunctionMeasure(name, cast(Any, item), "", _digest(_source(item)))
     if not isinstance(item, str):
         raise DeclarationError(
-            "measure", f"{item!r} is neither a text nor a function", "Name a measure"
+            "measure", f"{item!r} is not a string or a function", "Give a measure"
         )
     name, equals, text = (part.strip() for part in item.partition("="))
     if equals:
@@ -226,7 +216,8 @@ def _loaded(entry: EntryPoint) -> Callable[[Trajectory], float]:
         raise StickslipError(f"measure {entry.name}: {reason}") from None
     if getattr(function, "__name__", "") != entry.name:
         raise StickslipError(
-            f"measure {entry.name}: {entry.value} is no function of that name. Name them alike"
+            f"measure {entry.name}: {entry.value} is not a function of that name. Use the same "
+            "name for both"
         )
     return function
 
@@ -235,7 +226,9 @@ def _check_new_name(name: str) -> None:
     if not NAME.match(name) or name in MEASURES:
         reason = "the name of another measure" if name in MEASURES else "not a name"
         raise DeclarationError(
-            "measure", f"'{short(name)}' is {reason}", "Use letters, digits and _; def, not lambda"
+            "measure",
+            f"'{short(name)}' is {reason}",
+            "Use letters, digits and _; define the function with def, not lambda",
         )
 
 
@@ -284,7 +277,7 @@ def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], floa
     """A function of a Python file of the user's own, which is still the one that was asked for."""
     if _digest(_read(path)) != digest:
         raise StickslipError(
-            f"measure {path}: the file has changed while the map was computed. Begin again"
+            f"measure {path}: the file has changed while the map was computed. Start again"
         )
     try:
         names = runpy.run_path(path)
@@ -295,7 +288,9 @@ def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], floa
         known = [key for key, value in names.items() if inspect.isfunction(value)]
         close = get_close_matches(name, known, 1) or known
         raise DeclarationError(
-            f"measure {path}", f"it has no function '{short(name)}'", f"It has {', '.join(close)}"
+            f"measure {path}",
+            f"unknown function '{short(name)}'",
+            f"Choose from {', '.join(close)}",
         )
     return names[name]
 

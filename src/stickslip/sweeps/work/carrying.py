@@ -49,7 +49,6 @@ class LinesToDo:
     ----------
     store : MapStore
         Of a map that is carried.
-    carry : Carry
     """
 
     def __init__(self, store: MapStore, carry: Carry) -> None:
@@ -146,7 +145,6 @@ def handed_by(
 
     Parameters
     ----------
-    system : System
     parameters : mapping of str to float
         At the point.
     found : mapping of str to array, shape (1,)

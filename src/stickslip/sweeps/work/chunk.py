@@ -49,12 +49,10 @@ def measure_chunk(
 
     Parameters
     ----------
-    system : System
     initial, parameters : mapping of str to array, shape (points,)
         What varies; numbers hold for all points. What a point gives does not depend on the others.
     measures : sequence of str
         See :mod:`stickslip.sweeps.request.measures`.
-    settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``.
     section : bool
@@ -109,7 +107,7 @@ def measure_chunk(
     shared = section and device == "cpu"
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
-    found = [block.run(loops, exponents, time_limit, classed=not section) for block in motions]
+    found = [block.run(loops, exponents, time_limit, classed=True) for block in motions]
     parts = list[dict[str, Array]]()
     for b, observed in zip(blocks, found, strict=True):
         # First: a motion that takes too long in it has no other measures either.
@@ -126,9 +124,7 @@ def _over_the_span(
 
     Parameters
     ----------
-    problem : Problem
     table, states : arrays, shapes (points, parameters) and (points, n)
-    settings : Settings
     time_limit : float, optional
         Seconds of processor time that each may take.
     """

@@ -158,12 +158,7 @@ def _release(device: Device, taken: list[int]) -> None:
 
 
 class OnDevice:
-    """The compiled loops of a block on the GPU.
-
-    Parameters
-    ----------
-    block : Block
-    """
+    """The compiled loops of a block on the GPU."""
 
     def __init__(self, block: Block) -> None:
         self.block = block

@@ -31,7 +31,6 @@ class Handed:
     ----------
     parameters : dict of str to float
         Of that motion.
-    time : float
     state : array, shape (n,)
     """
 
@@ -56,9 +55,6 @@ def handed_on(
 
     Parameters
     ----------
-    system : System
-    parameters : mapping of str to float
-    time : float
     state : array, shape (n,)
     rate : array, shape (n,), optional
         Mean velocity of the state, if the motion repeats up to a drift.
@@ -81,11 +77,8 @@ def _repeats(
 
     Parameters
     ----------
-    system : System
-    parameters : mapping of str to float
     moving : array, shape (n,)
         Velocity of the frame.
-    begin, period : float
     """
     equations = derive(system.declaration)
     if not equations.timed and not np.any(moving):
@@ -141,14 +134,11 @@ def taken_up(
 
     Parameters
     ----------
-    system : System
-    handed : Handed
     parameters : mapping of str to float
         Of the motion that begins.
 
     Returns
     -------
-    time : float
     state : array, shape (n,)
     """
     start, state = handed.time, handed.state.copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -40,8 +41,6 @@ class Work:
         Model file of the system.
     asked : tuple
         What the measures are made of again.
-    initial : tuple of (str, float)
-    settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     section, carries : bool
@@ -82,7 +81,9 @@ def check_sendable(work: Work) -> None:
     try:
         pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
-        remedy = "Define it at the top of a module, name it as file.py:function, or use threads"
+        remedy = (
+            "Define it at the top level of a module, give it as file.py:function, or use threads"
+        )
         raise DeclarationError(
             "measure", f"a function cannot be sent to other processes ({error})", remedy
         ) from None
@@ -94,7 +95,9 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
 
     system = loads(work.model)
     if work.under is not None:
-        system = work.under.of(system)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # doubts about units: the first record has said them
+            system = work.under.of(system)
     return system, read_measures(system, work.asked)
 
 
@@ -103,7 +106,6 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
 
     Parameters
     ----------
-    work : Work
     columns : mapping of str to array, shape (points,)
         Parameters and initial values that vary.
     runs : Runs, optional
@@ -223,10 +225,7 @@ def _by_function(
 
     Parameters
     ----------
-    measure : FunctionMeasure
-    system : System
     initial, parameters : mapping of str to array, shape (points,)
-    work : Work
     start : float
         When the motions begin; they last as long as the span of the system.
     """

@@ -236,7 +236,7 @@ def _client(address: str) -> Any:
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise StickslipError(
-            f"{address}: no Dask scheduler answers there ({reason}). Check the address"
+            f"{address}: no Dask scheduler answers at this address ({reason}). Check the address"
         ) from None
 
 
@@ -286,7 +286,6 @@ def distribute(
     tasks : iterable
         Looked at one by one, as workers become free. None says that all others wait for what is
         under way: they are asked for again when some of that is done.
-    pool : Pool
     stop : Stop
         Once it is wished for, no task is begun any more, and what is not ready in a moment is given
         up.
@@ -348,5 +347,5 @@ def _worker_died(error: Exception) -> bool:
 def _fatal(error: Exception) -> StickslipError:
     reason = " ".join(str(error).split()) or type(error).__name__
     return StickslipError(
-        f"workers died {_CHANCES} times over the same chunk ({reason}). Give them more memory"
+        f"workers died {_CHANCES} times at the same chunk ({reason}). Give them more memory"
     )

@@ -44,7 +44,6 @@ class Aloft(NamedTuple):
     ----------
     forms : ClosedForms
         Of the motion.
-    flight : Flight
     checked : array of int, shape (2,)
         How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
     state : array of int, shape (slots,)
@@ -89,6 +88,8 @@ class Aloft(NamedTuple):
     paired : array of complex, shape (2, n, exponents)
     gram : array, shape (n + 1, n)
         ∫ x xᵀ, and its diagonal.
+    before : array, shape (2, contacts)
+        Impulses and work of the contacts at the beginning of a flight.
     """
 
     forms: ClosedForms
@@ -132,6 +133,7 @@ class Aloft(NamedTuple):
     pairs: ComplexArray3
     paired: ComplexArray3
     gram: Matrix
+    before: Matrix
 
 
 def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> Aloft:
@@ -139,9 +141,6 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
 
     Parameters
     ----------
-    forms : ClosedForms
-    flight : Flight
-    rows : Rows
     trusted : bool
         Whether powers are quadratic; otherwise there are no candidates.
     """
@@ -194,17 +193,16 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
         pairs=z((2, b, b), c),
         paired=z((2, n, b), c),
         gram=z((n + 1, n)),
+        before=z((2, contacts)),
     )
 
 
-def has_long_flights(forms: ClosedForms, clock: Array) -> bool:
-    """Whether steps between times may be worth being checked as a whole."""
+def has_long_flights(forms: ClosedForms, lengths: Array) -> bool:
+    """Whether steps may be worth being checked as a whole."""
     slots = int(forms.used[0]) if len(forms.status) else 0
     shortest = forms.shortest[:slots]
     shortest = shortest[shortest > 0.0]
-    return bool(
-        len(shortest) and np.max(np.diff(clock), initial=0.0) > LONG_FLIGHT * np.min(shortest)
-    )
+    return bool(len(shortest) and np.max(lengths, initial=0.0) > LONG_FLIGHT * np.min(shortest))
 
 
 def extremes_known(rows: Rows) -> Array:
@@ -264,9 +262,6 @@ def put_state(a: Aloft, form: ClosedForms, s: Stretch, tau: float, omega: Array,
     ----------
     a : Aloft
         Receives the exponentials.
-    form : ClosedForms
-    s : Stretch
-    tau : float
     omega : array, shape (waves,)
     y : array, shape (n,)
     """

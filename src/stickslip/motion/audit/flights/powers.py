@@ -34,11 +34,6 @@ def power_of_pairs(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
     at : Instant
         The beginning.
     """

@@ -52,12 +52,8 @@ def learn_mode(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     a : Aloft
         Receives what they make of these, and the residuals.
-    form : ClosedForms
-    slot : int
     at : Instant
         In the mode.
     """

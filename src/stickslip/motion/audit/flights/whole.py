@@ -116,7 +116,6 @@ from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 _ACTING = 4.0  # shortest times that a Taylor series would last
-_MOST_PARTS = 256  # of a flight, in which waves of the drives turn a few radians
 _ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
 WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`Aloft.checked`."""
@@ -138,7 +137,6 @@ def audit_motion(
 
     Parameters
     ----------
-    aloft : Aloft
     seen, starts, ends, accounts
         As of :func:`.audit_steps`.
     """
@@ -175,12 +173,8 @@ def audit_flight(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
     starts, ends, accounts
         As of :func:`.audit_steps`.
-    i : int
     """
     rows, space = flow.rows, flow.space
     steps, tally = accounts.steps, accounts.tally
@@ -207,20 +201,35 @@ def audit_flight(
     stretch = Stretch(
         slot, start.t, h, parts, form.counts[EXPONENTS], min(h, _ACTING * form.shortest)
     )
-    if parts > _MOST_PARTS or not is_flown(machine, flow, a, form, stretch, start, ends, i, tally):
+    if not is_flown(machine, flow, a, form, stretch, start, ends, i, tally):
         return _DOUBTED
+    sums = accounts.sums
     before = tally.total[ROUNDING_ERRORS]
+    copy(sums.impulse, a.before[0])
+    copy(sums.work, a.before[1])
     spent, fed, flows = 0.0, 0.0, 0.0
     obeyed, resolved = True, True
+    # Rounding errors of the audit are told by the step. Nothing carries them from part to part.
+    noise = a.made
+    for r in range(len(a.y)):
+        noise[r] = 0.0
     for part in range(parts):
+        obeyed = not is_stopped(space)
+        if not obeyed:
+            break
         lost, given, more = follow_part(machine, flow, a, form, stretch, part, start, i, accounts)
         spent, fed, flows = spent + lost, fed + given, flows + more
         obeyed = lost == lost and obeys(rows, space.mag, a, form, stretch, start, tally)
         if not obeyed:
             break
-        resolved = add_contacts(rows, space.mag, a, form, stretch, accounts.sums) and resolved
+        for r in range(len(a.y)):
+            noise[r] = most(noise[r], steps.noise[i, r])
+            steps.noise[i, r] = 0.0
+        resolved = add_contacts(rows, space.mag, a, form, stretch, sums) and resolved
     if not obeyed:
         tally.total[ROUNDING_ERRORS] = before
+        copy(a.before[0], sums.impulse)
+        copy(a.before[1], sums.work)
         for r in range(len(a.y)):
             steps.noise[i, r] = 0.0
         return _DOUBTED
@@ -230,7 +239,8 @@ def audit_flight(
     tally.total[FED_IN_ALL] += flows
     for r in range(len(a.y)):
         steps.gap[i, r] += a.bound[r]
-    add_work_of_pairs(rows, a, stretch, accounts.sums)
+        steps.noise[i, r] = noise[r]
+    add_work_of_pairs(rows, a, stretch, sums)
     final = Instant(ends.time[i], ends.state[i], mode, reg)
     put_state(a, form, stretch, h, flow.k.omega, space.trial)
     coefficients(machine, flow, Instant(final.t, space.trial, mode, reg), 1, space.W)
@@ -246,8 +256,6 @@ def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
 
     Parameters
     ----------
-    rows : Rows
-    a : Aloft
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         Length of the step.
@@ -271,10 +279,6 @@ def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: flo
 
     Parameters
     ----------
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    start : Instant
     h : float
         Its length.
     """
@@ -325,13 +329,6 @@ def is_flown(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
-    start : Instant
-    ends : Record
     i : int
         The step.
     tally : Tally
@@ -342,6 +339,8 @@ def is_flown(
     nq = rows.sizes[INERTIAL]
     here = Instant(start.t, a.y, start.mode, start.reg)
     for part in range(s.parts):
+        if is_stopped(space):
+            return False
         for g in range(COUNT):
             tau = (part + GAUSS_NODES[g]) * (s.h / s.parts)
             put_state(a, form, s, tau, omega, a.x)
@@ -388,13 +387,8 @@ def follow_part(
 
     Parameters
     ----------
-    machine : Machine
-    flow : Flow
     a : Aloft
         Receives the rows at q.
-    form : ClosedForms
-    s : Stretch
-    part : int
     at : Instant
         The beginning of the flight.
     i : int
@@ -469,12 +463,6 @@ def signal_of(
 
     Parameters
     ----------
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
-    row : int
-    sign : float
-    other : int
     turn : float
         Sign of the other.
     """
@@ -513,15 +501,10 @@ def obeys(
 
     Parameters
     ----------
-    rows : Rows
     mag : array
         Sizes of terms.
     a : Aloft
         With the rows at q.
-    form : ClosedForms
-    s : Stretch
-    at : Instant
-    tally : Tally
     """
     law = tally.law
     n, nc = len(a.y), len(rows.u)
@@ -571,14 +554,10 @@ def add_contacts(
 
     Parameters
     ----------
-    rows : Rows
     mag : array
         Sizes of terms.
     a : Aloft
         With the rows and the state at q.
-    form : ClosedForms
-    s : Stretch
-    sums : Sums
     """
     n, nc = len(a.y), len(rows.u)
     first = len(form.c2) - n

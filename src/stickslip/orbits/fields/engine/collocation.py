@@ -47,7 +47,6 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
         Of the Jacobian in the table of values.
     values : array, shape (places, LANES)
         That of the nodes.
-    h : float
     change : array, shape (columns, directions)
         Φ before, and after.
     system : array, shape (STAGES × states, at least STAGES × states + directions)
@@ -90,7 +89,6 @@ def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None
         Of the Jacobian in the table of values.
     work : PassSpace
         With the flow of the step as the third of its squares.
-    h : float
     change : array, shape (columns, directions)
         Φ before, and after.
     """
@@ -131,7 +129,6 @@ def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) 
     ----------
     places : array of int
         Of the Jacobian in the table of values.
-    work : PassSpace
     h : float
         Length of a step.
     parts : int
@@ -160,8 +157,6 @@ def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> No
     ----------
     places : array of int
         Of the Jacobian in the table of values.
-    work : PassSpace
-    h : float
     flow : array, shape (states, states)
         Receives it.
     """

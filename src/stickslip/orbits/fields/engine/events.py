@@ -41,14 +41,10 @@ def guards_at(listed: Listed, run: Pass, values: Array, w: int, knot: int, out: 
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     values : array, shape (places, LANES)
         Work space.
     w : int
         The piece.
-    knot : int
-    out : Leave
     """
     put_point(values, 0, time_of(run, knot), run.knots.state[knot])
     perform(listed.made, listed.guards[w, 0], listed.guards[w, 2], values, 1)
@@ -78,8 +74,6 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     i, last : int
         The first and the last knot of the events.
     here : Leave
@@ -112,7 +106,6 @@ def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) 
 
     Parameters
     ----------
-    here : Leave
     first : int
         The guard that fired.
     among : array of int
@@ -150,7 +143,6 @@ def jump(here: Leave, g: int, onward: Vector, usual: float, change: Matrix) -> i
 
     Parameters
     ----------
-    here : Leave
     g : int
         The guard.
     onward : array, shape (states,)
@@ -188,9 +180,6 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
     i, last : int
         The first and the last knot of the events.
     """
@@ -244,10 +233,6 @@ def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) 
 
     Parameters
     ----------
-    rows : Rows
-    listed : Listed
-    run : Pass
-    work : PassSpace
     i : int
         The knot; not the first.
     """
@@ -277,10 +262,6 @@ def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> b
 
     Parameters
     ----------
-    rows : Rows
-    listed : Listed
-    run : Pass
-    work : PassSpace
     i : int
         The knot; not the first.
     """

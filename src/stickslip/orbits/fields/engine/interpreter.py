@@ -43,7 +43,6 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
 
     Parameters
     ----------
-    made : Instructions
     first, last : int
         The instructions from one on, and before another.
     values : array, shape (places, LANES)
@@ -95,7 +94,6 @@ def interpret(
 
     Parameters
     ----------
-    made : Instructions
     once : int
         So many of them are the same for all points.
     wanted : array of int

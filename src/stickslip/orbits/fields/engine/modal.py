@@ -142,7 +142,6 @@ def modal_component(
 
     Parameters
     ----------
-    listed : Listed
     w, b : int
         The piece, and the eigenvector.
     values : array, shape (places, LANES)
@@ -205,11 +204,8 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) ->
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
         With the moments for equal parts of the step.
-    i, parts : int
     """
     s = listed.spectra
     w = run.piece[i]
@@ -251,8 +247,6 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
         At a time of the piece.
     w, p : int
@@ -310,8 +304,6 @@ def add_through_state(listed: Listed, run: Pass, work: PassSpace, i: int, p: int
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
     work : PassSpace
         With the loads of the step.
     i, p : int
@@ -357,10 +349,6 @@ def modal_step(listed: Listed, run: Pass, work: PassSpace, i: int, change: Array
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
-    i : int
     change : array, shape (columns, directions)
         Before, and after.
     """

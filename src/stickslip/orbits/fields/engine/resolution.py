@@ -38,12 +38,8 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
     w : int
         The piece.
-    knot : int
     """
     J, scaled = work.squares[0], work.squares[1]
     n = len(J)
@@ -82,8 +78,6 @@ def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int)
     ----------
     listed : Listed
         Receives it.
-    run : Pass
-    work : PassSpace
     w : int
         The piece.
     knot : int

@@ -98,7 +98,6 @@ class Listed(NamedTuple):
 
     Attributes
     ----------
-    made : Instructions
     slopes, guards : arrays of int, shape (pieces, 3)
         Which of them give the Jacobian, and rates and guards with their slopes: the first that is
         the same for all points, the first that is not, and the end.
@@ -115,7 +114,6 @@ class Listed(NamedTuple):
         1 where the Jacobian is the same at all states.
     timely : array of int, shape (pieces,)
         1 where derivatives of the rates by the free parameters depend on time alone.
-    spectra : Spectra
     """
 
     made: Instructions
@@ -220,10 +218,8 @@ class PassSpace(NamedTuple):
     load : array, shape (2, STAGES)
     places : array of int, shape (states,)
     system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
-    here, around : Leave
     usual : array, shape (guards,)
     others : array of int, shape (guards,)
-    between : Scratch
     """
 
     values: Matrix
@@ -257,13 +253,10 @@ def room_for_pass(
 
     Parameters
     ----------
-    listed : Listed
     places : int
         In the table of values.
-    nodes : int
     shape : (int, int)
         Columns and directions.
-    between : Scratch
     """
     columns, directions = shape
     guards = listed.switches.shape[1]

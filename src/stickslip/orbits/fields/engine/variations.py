@@ -48,10 +48,6 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
 
     Parameters
     ----------
-    listed : Listed
-    run : Pass
-    work : PassSpace
-    i : int
     node : int
         The first of its nodes.
     """
@@ -96,12 +92,8 @@ def vary(
 
     Parameters
     ----------
-    machine : Machine
     flow : Flow
         Tolerances with which the motion is followed again between its knots.
-    listed : Listed
-    run : Pass
-    work : PassSpace
     start : int
         Knot. From the first one on, states are computed at the nodes.
 

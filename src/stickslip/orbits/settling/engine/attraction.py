@@ -110,12 +110,10 @@ class Claims(NamedTuple):
         Largest frequency of the loads.
     origin : float
         The time at which clocks are 0.
-    listed : Listed
     modes, regions : arrays of int, shapes (pieces, contacts) and (pieces, kinks)
         Of the fields that are listed.
     piece, parts, outcome, event, after, late : arrays
         See :class:`stickslip.orbits.fields.engine.tables.Pass`.
-    work : PassSpace
     squares : array, shape (2, n, n)
     deviation : array, shape (5, n)
         In units of the sizes of the components: deviations of the true motion, now and after a
@@ -169,18 +167,7 @@ def prove_all(
 def prove_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, c: Claims, i: int
 ) -> int:
-    """The same for one lane; see :func:`prove_all`.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    c : Claims
-    i : int
-    """
+    """The same for one lane; see :func:`prove_all`."""
     s = e.lanes
     station = m.before  # free, since nothing has to be undone any more
     later = place_station(e, m, rules, saved, bench, i)
@@ -216,17 +203,7 @@ def prove_lane(
 @compiled()
 def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> float:
     """Put a station in the middle of the longest flight of a cycle, where no event is near: how
-    long after its beginning that is, NaN if the cycle is too long.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    i : int
-    """
+    long after its beginning that is, NaN if the cycle is too long."""
     s = e.lanes
     record = bench.record
     start = m.real[i, START]
@@ -254,16 +231,7 @@ def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, 
 @compiled()
 def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> int:
     """Follow a lane for a period of its cycle; the word of the modes that it goes through, −1 if it
-    comes to an end.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    bench : Bench
-    i : int
-    """
+    comes to an end."""
     s = e.lanes
     s.counters[i, WORD] = EMPTY_WORD
     end = s.clock[i, NOW] + m.real[i, DURATION]
@@ -278,10 +246,6 @@ def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Arr
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    station, lanes : Lane
-    i : int
     out : array, shape (n,)
     """
     since = lanes.clock[i, NOW] - station.clock[i, NOW]
@@ -314,9 +278,6 @@ def differentiate(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
     bench : Bench
         With the record of the cycle.
     c : Claims
@@ -373,13 +334,10 @@ def put_into_claims(m: Marks, rules: Rules, c: Claims, run: Pass, i: int) -> boo
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     c : Claims
         Receives the matrix.
     run : Pass
         Once around.
-    i : int
     """
     n = len(c.followed[0])
     last = len(run.piece) - 1
@@ -419,10 +377,6 @@ def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) 
 
     Parameters
     ----------
-    machine : Machine
-    fine : Flow
-    c : Claims
-    run : Pass
     forced : bool
         Whether events that coincide, but not for all neighbours, are to count as one.
 
@@ -555,11 +509,6 @@ def keeps_its_word(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    bench : Bench
-    c : Claims
     i, word : int
         The lane, and the modes of its cycle.
     """

@@ -37,8 +37,6 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     ----------
     m : Marks
         Receive the plane.
-    i : int
-    t : float
     y : array, shape (n,)
         Time and state.
     work : array, shape (n,)
@@ -59,10 +57,6 @@ def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> f
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    i : int
-    t : float
     y : array, shape (n,)
         Time and state.
     work : array, shape (n,)
@@ -87,11 +81,6 @@ def cross_plane(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
     i, count : int
         The lane, and how many steps are recorded.
 
@@ -172,7 +161,6 @@ def put_at(
     ----------
     lanes : Lane
         Receive the point.
-    i : int
     t, step : float
         Time, and length of the step.
     y : array, shape (n,)

@@ -67,16 +67,10 @@ def grow_lane(
 
     Parameters
     ----------
-    e : Engine
     twin : Engine
         The same with lanes of its own.
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
     found : Found
         Receives the exponent.
-    i : int
     """
     if m.numbers[i, PHASE] == MEASURING and grow_apart(
         e, twin, m, rules, saved, bench, found.exponent, i
@@ -104,16 +98,10 @@ def grow_apart(
 
     Parameters
     ----------
-    e : Engine
     twin : Engine
         The same with lanes of its own.
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
     exponent : array, shape (lanes,)
         Receives the exponent.
-    i : int
     """
     s = e.lanes
     w = twin.lanes

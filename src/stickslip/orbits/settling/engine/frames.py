@@ -23,7 +23,6 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
 
     Parameters
     ----------
-    T : ClosedForms
     g : int
         The group.
     flight : Flight

@@ -26,13 +26,10 @@ def follow_lane(
 
     Parameters
     ----------
-    e : Engine
-    i : int
     end : float
         Time at which to stop.
     max_events : int
         Number of events, counted from the beginning of the motion, at which to stop.
-    recording : bool
     record : Record
         Receives the steps.
     """

@@ -79,12 +79,8 @@ def consider(
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
-    i : int
 
     Returns
     -------
@@ -138,9 +134,6 @@ def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
 
     Parameters
     ----------
-    m : Marks
-    saved : Lane
-    i : int
     d : float
         What the last return misses by.
     """
@@ -169,15 +162,10 @@ def leap(
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
-    i : int
     d : float
         What the last return misses by.
-    k : int
 
     Returns
     -------
@@ -201,10 +189,8 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
 
     Parameters
     ----------
-    m : Marks
     lanes, saved : Lane
         Receive the new state.
-    i : int
     step : array, shape (n,)
 
     Returns
@@ -229,10 +215,8 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
 
     Parameters
     ----------
-    m : Marks
     lanes, saved : Lane
         Receive where it was.
-    i : int
     kept : Lane
         Where it was.
     count : int
@@ -278,12 +262,8 @@ def polish(
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
-    i : int
     d : float
         What the last return misses by.
 
@@ -330,11 +310,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
     work : array, shape (n,)
-    i : int
     d : float
         What the polished cycle misses by.
 

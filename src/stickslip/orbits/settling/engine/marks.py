@@ -57,11 +57,8 @@ def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     lanes, saved : Lane
         Where the motion is; and was at its last mark.
-    i : int
     """
     if m.drive[i] > 0.0:
         return rules.most[1]
@@ -117,11 +114,8 @@ def put_mark(
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     lanes, saved : Lane
         Where the motion is; and was at its last mark.
-    i : int
     happened : bool
         Whether the lane is at an event.
     work : array, shape (n,)
@@ -164,13 +158,7 @@ def put_mark(
 @compiled()
 def begin_strides(m: Marks, i: int) -> None:
     """From now on marks are put only where the modes of a motion, which have been seen to repeat
-    after a lag, begin again.
-
-    Parameters
-    ----------
-    m : Marks
-    i : int
-    """
+    after a lag, begin again."""
     numbers = m.numbers[i]
     ring = m.time.shape[1]
     here = numbers[COUNT] - 1

@@ -109,14 +109,8 @@ def measure(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
     found : Found
         Receives what is measured.
-    i : int
     """
     flow = own_flow(e, i)
     s = e.lanes
@@ -195,13 +189,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
 
     Parameters
     ----------
-    e : Engine
     m : Marks
         Receive the duration; the first gives way to the states that are compared.
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    i : int
     """
     s = e.lanes
     real = m.real[i]
@@ -210,6 +199,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     copy_lane(saved, i, s, i)
     e.codes[i] = FULL
     while e.codes[i] == FULL:
+        if is_stopped(e.flow.space):
+            return  # FULL stands for that, too
         count = follow_lane(
             e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record
         )
@@ -245,17 +236,7 @@ def likely_part(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, p: int
 ) -> int:
     """The least q ≥ p, 2 or odd, for which a motion is where it was after the q-th part of its
-    period; 0 if there is none.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    i, p : int
-    """
+    period; 0 if there is none."""
     real = m.real[i]
     found = 0
     copy_lane(saved, i, e.lanes, i)
@@ -275,18 +256,7 @@ def return_after(
     e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, later: float, first: bool
 ) -> float:
     """Follow a lane until some time after its start; by how much it misses the first mark, which is
-    put here if it is the first.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    bench : Bench
-    i : int
-    later : float
-    first : bool
-    """
+    put here if it is the first."""
     s = e.lanes
     start = m.real[i, START]
     follow_lane(e, i, start + later, rules.most[1], UNRECORDED, bench.record)
@@ -307,9 +277,6 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    i : int
     start, t : float
         Time from which the frame moves, and time of the state.
     y : array, shape (n,)
@@ -381,10 +348,8 @@ def add_steps(
 
     Parameters
     ----------
-    e : Engine
     flow : Flow
         With the numbers of the lane.
-    rules : Rules
     bench : Bench
         With the record; is added to.
     count, carried : int
@@ -450,12 +415,9 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
 
     Parameters
     ----------
-    e : Engine
     flow : Flow
         With the numbers of the lane.
-    t : float
     y : array, shape (n,)
-    bench : Bench
     felt : array, shape (3 contacts,)
         Receives forces, thresholds s⁺ and thresholds s⁻.
     """
@@ -519,15 +481,7 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 @compiled()
 def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Forget all marks of a lane, which goes on from where it is; a driven one from its last
-    mark.
-
-    Parameters
-    ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
-    i : int
-    """
+    mark."""
     for j in range(m.kind.shape[1]):
         m.kind[i, j] = _FORGOTTEN
     if m.drive[i] > 0.0:
@@ -545,12 +499,8 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    lanes, saved : Lane
     bench : Bench
         With the sizes of the components on the cycle.
-    i : int
     """
     larger = False
     for r in range(m.size.shape[1]):
@@ -593,14 +543,8 @@ def advance_lane(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
     found : Found
         Receives what is measured.
-    i : int
     """
     if m.numbers[i, PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, i)
@@ -617,7 +561,6 @@ def measure_lane(
     ----------
     e, m, rules, saved, bench, found : tuples
         As of :func:`advance_lane`.
-    i : int
     """
     numbers = m.numbers[i]
     if numbers[PHASE] == MEASURING and not is_stopped(e.flow.space):

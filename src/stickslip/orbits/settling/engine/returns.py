@@ -74,8 +74,6 @@ def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
     Parameters
     ----------
     v : array, shape (n,)
-    m : Marks
-    rules : Rules
     i : int
         The lane.
     """
@@ -96,11 +94,8 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     i, j : int
         The lane, and the place of the mark in the ring.
-    t : float
     y : array, shape (n,)
         Time and state.
     out : array, shape (n,)
@@ -129,10 +124,6 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    i : int
-    t : float
     y : array, shape (n,)
         Time and state.
     work : array, shape (n,)
@@ -152,12 +143,10 @@ def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None
 
     Parameters
     ----------
-    m : Marks
     i : int
         The lane.
     kind, word : int
         What has to be the same for marks to be compared, and the modes since the mark before.
-    t : float
     y : array, shape (n,)
         Time and state.
     """
@@ -186,8 +175,6 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     i, back : int
         The lane, and how many marks.
     work : array, shape (n,)
@@ -304,8 +291,6 @@ def extrapolate(
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
     i, k : int
         The lane, and how many returns before the last, at most 3.
     work, fit : arrays, shapes (9, n), (4, 4)
@@ -380,9 +365,6 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
 
     Parameters
     ----------
-    m : Marks
-    rules : Rules
-    i : int
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
 

@@ -84,16 +84,7 @@ _FADED = 100.0  # tolerances that an oscillation may still be away from an equil
 
 @entry_point()
 def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench) -> None:
-    """Follow all lanes until they have settled, as far as they come without the host.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    """
+    """Follow all lanes until they have settled, as far as they come without the host."""
     for i in range(len(e.codes)):
         if m.numbers[i, PHASE] == SETTLING:
             settle_lane(e, m, rules, saved, bench, i)
@@ -104,15 +95,6 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     """Follow a lane until its phase is another one, or there is a wish to stop.
 
     What is to be measured then starts at the saved state, and lasts as long as the marks say.
-
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    i : int
     """
     s = e.lanes
     numbers = m.numbers[i]
@@ -177,15 +159,6 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     """See whether a motion that has had no events for a while has come to an end, which the host
     has to prove.
 
-    Parameters
-    ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    saved : Lane
-    bench : Bench
-    i : int
-
     Returns
     -------
     int
@@ -232,10 +205,6 @@ def dies_out(
 
     Parameters
     ----------
-    e : Engine
-    m : Marks
-    rules : Rules
-    i : int
     tolerance : float
         Largest change of a component, relative to its size.
     look : float

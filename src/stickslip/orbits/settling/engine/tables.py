@@ -190,7 +190,6 @@ class Found(NamedTuple):
 
     Attributes
     ----------
-    sums : Sums
     audit : array, shape (lanes, 5)
         Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the
         equations of MOTION, by how much a cycle fails to close (CLOSURE), and the square of the
@@ -222,7 +221,6 @@ class Bench(NamedTuple):
         Triangular system of the returns, its right-hand side, and a row to work on.
     record : Record
         Knots; what does not fit is measured piece by piece.
-    steps : Steps
     tally : Tally
         As in :func:`stickslip.motion.audit.step_balance.audit_steps`.
     gaps : array, shape (n,)
@@ -274,7 +272,6 @@ def make_marks(
         See :class:`Marks`.
     ring : int
         Marks that are remembered of each lane.
-    home, before : Lane
     """
     lanes, n = home.y.shape
     marks = Marks(

@@ -8,38 +8,64 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.affine.flights import mode_key
-from stickslip.motion.affine.forms import EXPONENTS
+from stickslip.motion.affine.forms import EXPONENTS, ClosedForms
+from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
     from stickslip.motion.record.knots import Knots
 
 _LONG = 100.0  # shortest times in a flight that is worth it
+APART = 150.0  # … between the times in it, where work is asked for
+
+
+def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
+    """The closed forms of a motion, which are made again where it comes from a file."""
+    from stickslip.motion.engine.event_loop import prepare_flights
+    from stickslip.motion.steps.arrays import Constants
+
+    T = problem.closed_forms
+    if len(T.status) == 0 or T.used[0] > 0 or len(knots.clock) < 2:
+        return T
+    lasts = np.append(np.diff(knots.clock) > 0.0, False)
+    lasts &= ~np.any(np.abs(knots.mode) > 1, axis=1)
+    both = np.column_stack([knots.mode[lasts], knots.region[lasts]]).astype(np.int64)
+    both = both[np.sort(np.unique(both, axis=0, return_index=True)[1])]
+    contacts = knots.mode.shape[1]
+    modes, regions = map(np.ascontiguousarray, (both[:, :contacts], both[:, contacts:]))
+    constants = Constants(*(part[None] for part in problem.constants))
+
+    def made() -> None:
+        flow = problem.flow(constants)
+        prepare_flights(problem.machine, flow, problem.shared_flight, T, modes, regions)
+
+    unbroken(made)
+    return T
 
 
 def states_in_flights(
-    problem: Problem, knots: Knots, index: Array, clock: Array, out: Array
+    problem: Problem, knots: Knots, index: Array, clock: Array, out: Array, apart: float = 0.0
 ) -> Array:
     """Put the states at some times into an array, as far as the times are in long flights.
 
     Parameters
     ----------
-    problem : Problem
-    knots : Knots
     index : array of int, shape (times,)
         The knots in whose steps the times are.
     clock : array, shape (times,)
         Times since the origin.
     out : array, shape (times, n)
         Receives the states.
+    apart : float
+        Shortest times between those in a flight, on average, from which on it is worth it.
 
     Returns
     -------
     array of bool, shape (times,)
-        Where there is one.
+        Where there is one; not at the knots themselves.
     """
     done = np.zeros(len(clock), bool)
-    T = problem.closed_forms
+    T = known_forms(problem, knots)
     used = int(T.used[0]) if len(T.status) else 0
     if not np.any(T.flown[:used]):
         return done
@@ -47,14 +73,21 @@ def states_in_flights(
     omega = problem.constants.omega
     n = out.shape[1]
     lengths = np.append(np.diff(knots.clock), 0.0)
-    shortest = float(np.min(T.shortest[:used][T.flown[:used] == 1]))
-    for i in np.unique(index[lengths[index] > _LONG * shortest]):
+    fast = (T.flown[:used] == 1) & (T.shortest[:used] > 0.0)
+    if not np.any(fast):
+        return done
+    shortest = float(np.min(T.shortest[:used][fast]))
+    # At a knot the state is known; of a motion with many flights, few have other times in them.
+    inside = np.flatnonzero((clock > knots.clock[index]) & (lengths[index] > _LONG * shortest))
+    inside = inside[np.argsort(index[inside], kind="stable")]
+    which, firsts = np.unique(index[inside], return_index=True)
+    for i, own in zip(which, np.split(inside, firsts[1:]), strict=False):
         if np.any(np.abs(knots.mode[i]) > 1):
             continue
         slot = slots.get(mode_key(knots.mode[i].astype(np.int64), knots.region[i].astype(np.int64)))
-        if slot is None or not lengths[i] > _LONG * T.shortest[slot]:
+        least = 0.0 if slot is None else max(_LONG, apart * len(own)) * float(T.shortest[slot])
+        if slot is None or not lengths[i] > least > 0.0:
             continue
-        own = index == i
         begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
         tau = clock[own] - knots.clock[i]
         waves: AnyArray = np.exp(1j * omega * begin)
@@ -74,5 +107,5 @@ def states_in_flights(
             + (turned @ T.a[slot, signals, :count].T).real
             + (swung @ T.b[slot, signals].T).real
         )
-        done |= own
+        done[own] = True
     return done
