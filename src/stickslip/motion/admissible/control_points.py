@@ -10,7 +10,7 @@ from stickslip.motion.steps.roots import lowest
 from stickslip.motion.steps.sets import holds_all, radius_at
 from stickslip.translator import compiled
 
-# Pieces of a step that are tried, and their least length, in parts of it.
+# Maximum number of pieces of a step that are checked, and their minimum length in steps.
 MOST_CUTS_OF_A_STEP, LEAST_PIECE = 200, 1e-5
 
 
@@ -24,7 +24,6 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     flow : Flow
         With the coefficients and the powers of the step; receives the control points.
     mode : array of int, shape (contacts,)
-    group : int
     """
     rows = flow.rows
     space = flow.space
@@ -56,11 +55,9 @@ def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float)
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
     group, d : int
         The contacts, and the degree.
-    a, b : float
     """
     rows = flow.rows
     points, piece = flow.space.points, flow.space.piece
@@ -78,12 +75,9 @@ def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> No
 
     Parameters
     ----------
-    flow : Flow
     mode : array of int, shape (contacts,)
-    group : int
     table : array
         Control points of forces, then of radii.
-    i : int
     """
     rows = flow.rows
     aside = flow.space.aside
@@ -100,10 +94,8 @@ def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) 
 
     Parameters
     ----------
-    source, target : arrays
     row, d : int
         The row of the polynomial in both, and its degree.
-    a, b : float
     """
     points = target[row]
     for i in range(d + 1):

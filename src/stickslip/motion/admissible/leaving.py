@@ -51,7 +51,7 @@ from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_a
 from stickslip.translator import compiled
 
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
-_SOON = 1e-3  # part of a step
+_SOON = 1e-3  # fraction of a step
 _JUST_BEFORE = 1e-9  # part of a time by which an earlier one is asked
 _MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
 
@@ -122,14 +122,13 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
 @compiled(brief=True)
 def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     """Whether contacts that share their forces leave stick within a step in which their directions
-    turn, and which; their guard is left in the work space.
+    turn, and which; their guard is stored in the work space.
 
     Parameters
     ----------
     flow : Flow
         With control points of the step.
     mode : array of int, shape (contacts,)
-    group : int
     lack : float
         Part of the forces that counts as zero.
     """
@@ -142,7 +141,7 @@ def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> boo
     start, end = 0.0, 1.0
     proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
     if fails == start:
-        # What has just reached its limit is held if it is soon after.
+        # Contacts that have just reached their limit stick if they do so shortly after.
         start = _SOON
         proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
         if fails == start:
@@ -177,7 +176,7 @@ def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> boo
 
 @compiled(brief=True)
 def place_end(flow: Flow, place: float) -> None:
-    """Let the guard be a line that is zero at a part of the step."""
+    """Set the guard to a linear function that vanishes at a fraction of the step."""
     guard = flow.space.aside[LEAVES]
     for k in range(flow.order):
         guard[k] = 0.0
@@ -187,8 +186,8 @@ def place_end(flow: Flow, place: float) -> None:
 
 @compiled(brief=True)
 def mark_moving(flow: Flow, mode: Array, group: int, x: float) -> None:
-    """Note which contacts of a group the mechanism in the work space moves at a part x of the
-    step."""
+    """Mark the contacts of a group that the mechanism in the work space moves at a fraction x of
+    the step."""
     rank = turn_to(flow, mode, group, x)
     fastest = fastest_of(flow, mode, group, rank, flow.space.aside[MECHANISM])
     mark_leaving(flow, mode, group, rank, fastest)

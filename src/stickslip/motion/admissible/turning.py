@@ -1,16 +1,17 @@
-"""How long contacts that share their forces hold where their directions turn.
+"""How long contacts that share their forces hold if their directions turn.
 
-On a turntable, or on a body that turns about one of its points, directions G turn while contacts
-stick, and with them the forces ν that cancel, Gᵀν = 0. At an instant it is known which forces f
-hold (:mod:`stickslip.motion.admissible.overload`). From those at both ends of a piece, less the
-forces λ of the mode, follow forces that cancel throughout: with ν₀ and ν₁ at its beginning and its
-end, P what takes all that does not cancel out of forces at the beginning, and x from 0 to 1,
+On a turntable, or on a body that rotates about one of its points, the directions G turn during
+stick, and with them the self-equilibrated forces ν, Gᵀν = 0. At an instant, admissible forces f
+are computed by :mod:`stickslip.motion.admissible.overload`. Let ν₀ and ν₁ be f − λ at the two ends
+of a piece, with the forces λ of the mode, let P be the projection onto self-equilibrated forces at
+its beginning, and let x run from 0 to 1. Then
 
-    ν(x) = ν₀ + P (ν₁ − ν₀) x + …,
+    ν(x) = ν₀ + P (ν₁ − ν₀) x + …
 
-where each further order is the least that cancels what directions make of the lower ones. So the
-forces λ + ν have the sum that rest needs, and the control points of these polynomials show whether
-they are inside their sets all the time between. If not, the piece is halved.
+is self-equilibrated at all times, if each further order is that of minimum norm which balances the
+contribution of the directions to the lower orders. So the forces λ + ν have the resultant that rest
+needs, and the control points of these polynomials show whether they are admissible on the whole
+piece. If not, the piece is halved.
 """
 
 from __future__ import annotations
@@ -49,25 +50,23 @@ from stickslip.motion.steps.roots import horner, lowest
 from stickslip.motion.steps.sets import axis_of
 from stickslip.translator import compiled
 
-_MOST_HALVINGS = 80  # of the time in which rest ends
-_LITTLE = 2.0**-52  # part of that time to which it is known
-_ROUNDED = 4.0  # parts `lack` of their sets by which polynomials may be outside
-# Rows of Space.aside, behind those of `overload`: forces that cancel, at both ends of a piece.
+_MOST_HALVINGS = 80  # of the interval that contains the end of rest
+_LITTLE = 2.0**-52  # relative accuracy of that time
+_ROUNDED = 4.0  # multiple of `lack` by which polynomials may be outside their sets
+# Rows of Space.aside, behind those of `overload`: self-equilibrated forces at both ends of a piece.
 _BEFORE, _AFTER = 11, 12
 
 
 @compiled(brief=True)
 def turn_to(flow: Flow, mode: Array, group: int, x: float) -> int:
-    """Place the directions of what sticks in a group as they are at a part x of the step; returns
-    how many are independent.
+    """Compute the directions of the sticking contacts of a group at a fraction x of the step;
+    returns their rank.
 
     Parameters
     ----------
     flow : Flow
         With the coefficients and the powers of the step; receives the directions.
     mode : array of int, shape (contacts,)
-    group : int
-    x : float
     """
     rows, space = flow.rows, flow.space
     orders = space.aside[SCRATCH]
@@ -85,16 +84,15 @@ def turn_to(flow: Flow, mode: Array, group: int, x: float) -> int:
 
 @compiled(brief=True)
 def load_at(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float) -> float:
-    """By what factor, at least, the forces that rest needs at a part x of the step are larger than
-    what can be held, with the mechanism that begins in the work space; 0 if the least can be held.
+    """Factor by which, at least, the forces that rest needs at a fraction x of the step exceed the
+    admissible ones, with the mechanism that begins in the work space; 0 if the forces of minimum
+    norm are admissible.
 
     Parameters
     ----------
     flow : Flow
         With control points of the step, of degree d.
     mode : array of int, shape (contacts,)
-    group, d : int
-    x : float
     lack : float
         Part of the forces that may be missing.
     """
@@ -108,15 +106,15 @@ def load_at(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float) 
 
 @compiled(brief=True)
 def find_held(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float, row: int) -> bool:
-    """Whether the forces that rest needs at a part x of the step can be held; what has to be added
-    to those of the mode is left in the work space.
+    """Whether admissible forces exist at a fraction x of the step; their difference from those of
+    the mode is stored in the work space.
 
     Parameters
     ----------
     flow, mode, group, d, x, lack
         As of :func:`load_at`.
     row : int
-        Where it is left.
+        Row of the work space that receives it.
     """
     rows, aside = flow.rows, flow.space.aside
     place_piece(flow, mode, group, d, 0.0, x)
@@ -143,17 +141,16 @@ def find_held(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float
 def turned_until(
     flow: Flow, mode: Array, group: int, d: int, start: float, end: float, lack: float
 ) -> tuple[float, float]:
-    """How far it is proved that forces can be held while directions turn, and a place behind where
-    they cannot; infinite if none was met.
+    """Up to where admissible forces are proved to exist while directions turn, and a later place at
+    which none exist; infinite if no such place was found.
 
     Parameters
     ----------
     flow : Flow
         With control points of the step, of degree d.
     mode : array of int, shape (contacts,)
-    group, d : int
     start, end : float
-        Where to begin, and where to stop, in parts of the step.
+        Beginning and end of the search, in units of the step.
     lack : float
         Part of the forces that may be missing.
     """
@@ -184,8 +181,9 @@ def turned_until(
 def first_failure(
     flow: Flow, mode: Array, group: int, d: int, low: float, high: float, lack: float
 ) -> tuple[float, bool]:
-    """Where forces can no longer be held that could be at one place, and cannot at a later one;
-    False if that is not so there. The mechanism that begins is left in the work space.
+    """The first place without admissible forces, between one at which they exist and a later one at
+    which they do not; False if they do exist there. The mechanism that begins is stored in the work
+    space.
 
     Parameters
     ----------
@@ -203,7 +201,7 @@ def first_failure(
             break
         x = 0.5 * (low + high)
         if turn % 2 == 1 and later < math.inf and more > over:
-            # Beyond its end, what cannot be held grows evenly.
+            # Beyond the end of rest, the excess grows linearly at first.
             line = high - over * (later - high) / (more - over)
             x = line if low < line < high else x
         there = load_at(flow, mode, group, d, x, lack) - 1.0
@@ -220,12 +218,13 @@ def first_failure(
 def holds_between(
     flow: Flow, mode: Array, group: int, d: int, a: float, b: float, lack: float
 ) -> bool:
-    """Whether forces that hold at both ends of a piece go over into each other and hold between.
+    """Whether the forces that connect admissible ones at both ends of a piece are admissible
+    throughout.
 
     Parameters
     ----------
     flow, mode, group, d, lack
-        As of :func:`turned_until`; what is added to the forces of the mode at both ends is in the
+        As of :func:`turned_until`; the additions to the forces of the mode at both ends are in the
         work space.
     a, b : float
         The ends.
@@ -242,8 +241,8 @@ def holds_between(
 
 @compiled(brief=True)
 def lead_over(flow: Flow, mode: Array, group: int, d: int, a: float, b: float, lack: float) -> bool:
-    """Add forces that cancel to the control points of a piece, from those at both ends; False if
-    the piece is too long for their series.
+    """Add self-equilibrated forces to the control points of a piece, from those at both ends; False
+    if the piece is too long for their power series.
 
     Parameters
     ----------
@@ -293,7 +292,7 @@ def lead_over(flow: Flow, mode: Array, group: int, d: int, a: float, b: float, l
 
 @compiled(brief=True)
 def place_turns(flow: Flow, mode: Array, group: int, rank: int, a: float, length: float) -> None:
-    """Series of the directions of what sticks in a group, on a piece of the step.
+    """Power series of the directions of the sticking contacts of a group, on a piece of the step.
 
     Parameters
     ----------
@@ -301,9 +300,8 @@ def place_turns(flow: Flow, mode: Array, group: int, rank: int, a: float, length
         With the coefficients and the powers of the step, and a basis of the directions at the
         beginning of the piece; receives the series.
     mode : array of int, shape (contacts,)
-    group, rank : int
     a, length : float
-        Beginning and length of the piece, in parts of the step.
+        Beginning and length of the piece, in units of the step.
     """
     rows, space = flow.rows, flow.space
     N = flow.order
@@ -336,8 +334,8 @@ def place_turns(flow: Flow, mode: Array, group: int, rank: int, a: float, length
 
 @compiled(brief=True)
 def cancel_order(flow: Flow, mode: Array, group: int, rank: int, k: int, d: int) -> float:
-    """Take the least forces that have the sum Gᵀν in an order from that order of ν; their size, if
-    ν has no such order.
+    """Subtract the forces of minimum norm with the resultant Gᵀν of an order from that order of ν;
+    returns their size if ν has no such order.
 
     Parameters
     ----------

@@ -472,8 +472,8 @@ def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally
 
 @compiled()
 def sample_together(flow: Flow, mode: Array, piece: StepPiece, g: int) -> float:
-    """Keep the forces of contacts that share them, and what these can hold, at a node; by how much
-    their directions are others there than their polynomials say, in parts of their size.
+    """Store the forces of contacts that share them, and their radii, at a node; returns the
+    relative deviation of their directions from the polynomials.
 
     Parameters
     ----------
@@ -516,7 +516,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
         With what :func:`sample_together` keeps, and the discs.
     mode : array of int, shape (contacts,)
     turned : float
-        By how much directions differ from their polynomials at the nodes.
+        Relative deviation of the directions from their polynomials at the nodes.
     tally : Tally
         Receives the largest.
     """
@@ -555,7 +555,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
 
 @compiled()
 def turn_strays(flow: Flow, c: int, factor: float) -> float:
-    """What a direction may turn between the nodes of a piece, in parts of its size.
+    """Bound of the relative deviation of a direction between the nodes of a piece.
 
     Parameters
     ----------

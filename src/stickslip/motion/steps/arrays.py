@@ -316,7 +316,7 @@ class Space(NamedTuple):
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     cancelling : array
-        Of those of them that turn; see :mod:`stickslip.motion.admissible.turning`.
+        Of those among them whose directions turn; see :mod:`stickslip.motion.admissible.turning`.
     along, supported : arrays
         Vectors, and support functions there; see :mod:`stickslip.motion.steps.sets`.
     span, face, turn, turned, onset : arrays

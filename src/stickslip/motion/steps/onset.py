@@ -549,7 +549,7 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
 
 @compiled(brief=True)
 def forget_orders(flow: Flow) -> None:
-    """Leave the first order alone of V, β and all directions: which order of Au it is has become
+    """Discard all but the first order of V, β and all directions, once the leading order of Au is
     known."""
     aims, onset = flow.space.aims, flow.space.onset
     for row in range(_BETA, len(onset)):

@@ -295,7 +295,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         if rank > 0:
             before = leading_order(flow)
             aim_order_together(flow, rank, m)
-            # How a body that moves on turns what begins is in orders of Au behind the first one.
+            # How a moving body turns slips that begin on it follows from orders of Au behind the
+            # leading one.
             if before == 1 and leading_order(flow) > 1:
                 forget_orders(flow)
                 m = 0
