@@ -480,7 +480,6 @@ def sample_together(flow: Flow, mode: Array, piece: StepPiece, g: int) -> float:
     flow : Flow
         With the values of the rows at the node.
     mode : array of int, shape (contacts,)
-    piece : StepPiece
     g : int
         The node.
     """
