@@ -31,7 +31,7 @@ CHOSEN = {
     "plane and line": (0, 1, 204),
     "plane and rail": (0, 150, 236),
     "turned directions": (0,),
-    "three bodies": (0, 2, 87, 340),
+    "three bodies": (0, 2, 31, 87, 340),
     "almost along a line": (0,),
     "close pass": (0, 5, 7, 9),
     "pressed": (0, 1, 2, 32),

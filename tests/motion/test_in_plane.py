@@ -189,3 +189,33 @@ def test_its_rounding_reaches_what_masses_and_contacts_couple_to_it_alone() -> N
         gaps[row] for row, m in zip(rows.watched, rows.made, strict=True) if row in gaps and m >= 0
     }
     assert made == watched & reached != watched
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_values_in_a_slip_that_begins_with_no_acceleration(seed: int) -> None:
+    """A rod on three points, pushed harder and harder: values between the knots are those of
+    motions that end there, and the audit finds nothing."""
+    rng = np.random.default_rng(seed)
+    push, across = rng.uniform(0.2, 0.5, 2)
+    points = rng.uniform(-1.0, 1.0, 3)
+    system = ss.System(
+        "rod",
+        coordinates={
+            "x": ss.Inertial(force=f"{push}*t"),
+            "y": ss.Inertial(force=f"{across}*t"),
+            "a": ss.Inertial(force="0.1*sin(t)"),
+        },
+        kinetic="(d_x**2 + d_y**2 + d_a**2/3)/2",
+        contacts={
+            f"p{i}": ss.Contact((f"d_x - d_a*{r}*sin(a)", f"d_y + d_a*{r}*cos(a)"), 0.3)
+            for i, r in enumerate(points)
+        },
+        span=(0, 4),
+    )
+    motion = ss.simulate(system)
+    assert motion.certificate
+    onset = float(motion.events["time"].iloc[0])
+    for t in onset + np.array([1e-4, 1e-2, 0.05, 0.3]):
+        end, between = ss.simulate(system, (0, float(t))).final, motion.at(t)
+        for name in ("x", "y", "a", "d_x", "d_y", "d_a"):
+            assert between[name] == pytest.approx(end[name], rel=1e-9, abs=1e-15), name

@@ -40,6 +40,8 @@ class Draft:
         The first place in ``mag`` that is free.
     directions : dict of int to int
         By plane, the first row of the direction of its slip.
+    speed_sizes : dict of int to int
+        By plane, the row of the size of the terms of what that is the direction of.
     """
 
     def __init__(self, equations: MotionEquations) -> None:
@@ -75,6 +77,7 @@ class Draft:
         self.plane_sizes = self.gap_sizes + (self.mq if opens else 0)
         self.rate_sizes = self.plane_sizes + len(equations.planes)
         self.directions: dict[int, int] = {}
+        self.speed_sizes: dict[int, int] = {}
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
 
     def note(self, place: int, size: Scalar, adding: bool = False) -> None:

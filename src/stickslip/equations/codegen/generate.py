@@ -147,7 +147,7 @@ def _guards(layout: Layout) -> list[int]:
     guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
     guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
     guards += layout.gaps.values()
-    for _, first, speed, *rows, _, static, slips, _, _, _, _ in layout.planes:
+    for _, first, speed, *rows, _, static, slips, _, _, _, _, _ in layout.planes:
         guards += [*range(first, speed + 1), *rows, static, slips]
     return [row for row in guards if row >= 0] + [row for _, _, row in layout.pieces]
 

@@ -64,8 +64,9 @@ class Layout:
         Of each contact in a plane, or face, its first direction, the rows of the direction of its
         slip (the first), of |Au|, of Au, and of s² − |A⁻¹λ|², the place of the size of that,
         the rows of s and of what is not negative in slip, 1 if it has mass, 1 if the response is
-        not linear in the direction, the number of its formula, −1: none, and 1 if Au is a linear
-        combination of rates with constant coefficients.
+        not linear in the direction, the number of its formula, −1: none, 1 if Au is a linear
+        combination of rates with constant coefficients, and the row of the size of the terms of
+        Au.
     formulas : int
         Number of dissipations that are formulas.
     pieces : list of (int, int, int)

@@ -54,7 +54,8 @@ def _direction(draft: Draft, p: int, sides: Sequence[int], terms: list[Scaled]) 
     """
     tape = draft.tape
     plane = draft.eq.planes[p]
-    inputs = (*sides, tape.size(terms))
+    size = tape.size(terms)
+    inputs = (*sides, size)
     stage = max(tape.stage[row] for row in inputs)
     count = len(plane.parts)
     first, *_, speed = (tape.new_row(stage) for _ in range(count + 1))
@@ -74,6 +75,7 @@ def _direction(draft: Draft, p: int, sides: Sequence[int], terms: list[Scaled]) 
         for i in plane.parts:
             tape.name(f"speed:{i}", speed, tape.stage[speed])
     draft.directions[p] = first
+    draft.speed_sizes[p] = size
 
 
 def ahead(draft: Draft, plane: Plane) -> list[int]:
@@ -114,8 +116,9 @@ def plane_rows(draft: Draft) -> None:
         straight = massive and even and all(e.symbols <= held for e in fixed)
         static = tape.row(plane.static)
         ends = (static, slips, int(massive), int(plane.bends), number, int(straight))
+        size = draft.speed_sizes[p]
         where = (plane.parts[0], first, first + count, *sides, *third, row, place)
-        layout.planes.append((*where, *ends))
+        layout.planes.append((*where, *ends, size))
         layout.pieces += [
             (draft.eq.kinks.index(guard), p, tape.row(same)) for guard, same in plane.pieces
         ]

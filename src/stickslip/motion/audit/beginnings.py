@@ -39,11 +39,17 @@ from stickslip.motion.steps.arrays import (
     inertial_friction,
     is_loose,
     opens,
-    own_directions,
     plain_coefficients,
     set_mode,
 )
-from stickslip.motion.steps.sets import force_terms, gap_size, kink_terms, plane_of, rate_terms
+from stickslip.motion.steps.sets import (
+    force_terms,
+    gap_size,
+    is_at_rest,
+    kink_terms,
+    plane_of,
+    rate_terms,
+)
 from stickslip.motion.steps.starting import coefficients, is_prescribed
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
@@ -214,13 +220,9 @@ def release_what_stays(
 def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
     the largest velocity before: what slowed down has the rounding errors of what it was."""
-    block = own_directions(rows, c)
-    before = largest if len(block) == 1 else 0.0
-    still = True
-    for i in block:
-        size = max(space.mag[i], before)
-        still = still and abs(space.W[rows.u[i], 0]) <= ROUNDING * size
-    return bool(still)
+    if rows.plane[c] >= 0:
+        return is_at_rest(rows, space.W, rows.plane[c], 1.0)
+    return bool(abs(space.W[rows.u[c], 0]) <= ROUNDING * max(space.mag[c], largest))
 
 
 @compiled()

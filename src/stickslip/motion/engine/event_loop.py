@@ -32,6 +32,7 @@ from stickslip.motion.modes.resting import settle
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     ASTRAY,
+    AU_SIZE,
     CAUSE,
     CLOSEST,
     DIMENSION,
@@ -80,7 +81,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.directions import take_direction
 from stickslip.motion.steps.roots import value_and_slope
-from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass, whole_speed
+from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
@@ -92,6 +93,9 @@ _NO_TIME = 1e-60  # of the time that a motion may last: no step is as short, whe
 # the end of a slip in a plane steps shrink, and recent ones, which are forgotten by halves, have to
 # say then how far rounding errors have carried what sticks.
 _LOOK, _LOOK_IN_PLANE = 64, 16
+# Rounding errors below which a slip has come to rest: more than those of its speed at the end of a
+# step, so that no slip is at rest where the next step begins.
+_AT_REST = 2.0
 _CUT = 0.25  # of a step that did not solve the equations
 
 
@@ -240,7 +244,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0 and x == 0.0:
             return inadmissible(rows.doubtful, doubt), count
         look_ahead(flow, x, h)
-        if 0 <= which < len(rows.kinks):
+        if which < len(rows.kinks):
             which = end_instead(flow, lane, which, x * h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
@@ -406,8 +410,9 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 @compiled()
 def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
     """Whether the slip of a contact in a plane ends at the end of a step: where its own guard
-    fires; where that of another one does, or of one along a line of the same body, or a kink, if
-    its speed cannot be told from nothing there.
+    fires; where it has slowed down to rest, up to rounding; where that of another one does, or of
+    one along a line of the same body, or a kink, if its speed or the time of its end cannot be told
+    from nothing there.
 
     Parameters
     ----------
@@ -423,23 +428,25 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
         End and length of the step.
     """
     rows = flow.rows
-    mag = flow.space.mag
     first = rows.planes[p, LEAD]
     kink = 0 <= which < len(rows.kinks)
     c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
-    if not kink:
-        if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0:
-            return False
-        if c == first:
-            return True
+    slips = 0 <= c < rows.sizes[ON_INERTIAL] and mode[c] != 0
+    if slips and c == first:
+        return True
     if not slips_with_mass(rows, mode, p):
-        return False
-    if c >= 0 and rows.plane[c] < 0 and not may_share(rows, first, c):
         return False
     row = flow.space.W[rows.planes[p, AIM_SPEED]]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
+    rounding = ROUNDING * flow.space.W[rows.planes[p, AU_SIZE], 0]
+    if change < 0.0 and speed <= _AT_REST * rounding:
+        return True
+    if not kink and not slips:
+        return False
+    if c >= 0 and rows.plane[c] < 0 and not may_share(rows, first, c):
+        return False
     late = INSTANT * abs(t) / h
-    return bool(abs(speed) <= ROUNDING * whole_speed(rows, mag, first) + late * abs(change))
+    return bool(abs(speed) <= rounding + late * abs(change))
 
 
 @compiled()
@@ -470,9 +477,10 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
 
 
 @compiled()
-def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
-    """The guard of the slip in a plane that ends where a kink fires: a kink of a component of its
-    velocity is at zero there, too, and no direction is left. The kink itself if there is none.
+def end_instead(flow: Flow, lane: Lane, which: int, h: float) -> int:
+    """The guard of the slip in a plane that ends at the end of a step without an event, or where a
+    kink fires: a kink of a component of its velocity is at zero there, too, and no direction is
+    left. The kink itself, or −1, if there is none.
 
     Parameters
     ----------
@@ -485,9 +493,9 @@ def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
     """
     rows = flow.rows
     for p in range(len(rows.planes)):
-        if ends_slip(flow, lane.mode, kink, p, lane.clock[NOW] + h, h):
+        if ends_slip(flow, lane.mode, which, p, lane.clock[NOW] + h, h):
             return guard_at(rows, rows.planes[p, LEAD])
-    return kink
+    return which
 
 
 @compiled()

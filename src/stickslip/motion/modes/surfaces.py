@@ -46,7 +46,14 @@ from stickslip.motion.steps.arrays import (
     presses,
     set_mode,
 )
-from stickslip.motion.steps.sets import force_terms, gap_size, may_share, rate_terms, whole_speed
+from stickslip.motion.steps.sets import (
+    force_terms,
+    gap_size,
+    is_at_rest,
+    may_share,
+    rate_terms,
+    whole_speed,
+)
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
 from stickslip.translator import compiled
@@ -116,6 +123,8 @@ def release_or_hold(
                 # Towards the end of a slip steps are as short as a rounding error of the time.
                 slow += _WIDE * INSTANT * abs(at.t) * rate if rows.beside[c] == 1 else 0.0
         fast = abs(gap) > slow and not (sure and gapped)
+        # Axes may make one direction of a plane much larger than another.
+        fast = fast and not (rows.plane[c] >= 0 and is_at_rest(rows, W, rows.plane[c], _WIDE))
         if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:

@@ -86,10 +86,11 @@ FEWEST_ORDERS = 8  # of a Taylor series
 # Columns of Rows.planes: the first direction, the first row of the direction of its slip (the
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
-# friction makes of Au what is not linear in its direction, the number of its formula, −1: none, and
-# 1 where Au is a linear combination of rates with constant coefficients.
+# friction makes of Au what is not linear in its direction, the number of its formula, −1: none,
+# 1 where Au is a linear combination of rates with constant coefficients, and the row of the size
+# of the terms of Au.
 LEAD, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP, ADMISSIBLE, ADMISSIBLE_SIZE = range(8)
-STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR = range(8, 14)
+STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR, AU_SIZE = range(8, 15)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -159,8 +160,8 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 14)
-        Contacts in a plane, by the columns from `LEAD` to `AU_IS_LINEAR`.
+    planes : array of int, shape (planes, 15)
+        Contacts in a plane, by the columns from `LEAD` to `AU_SIZE`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     pieces : array of int, shape (pieces, 3)

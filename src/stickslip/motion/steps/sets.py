@@ -18,11 +18,14 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
+    AHEAD,
     AIM_SPEED,
+    AU_SIZE,
     LEAD,
     MASSIVE,
     ON_INERTIAL,
     ON_VISCOUS,
+    ROUNDING,
     WIDEST,
     Flow,
     Rows,
@@ -59,6 +62,33 @@ def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
     c = rows.planes[p, LEAD]
     slips = rows.planes[p, MASSIVE] == 1 and 1 <= mode[c] <= 2
     return bool(slips and not is_loose(rows, mode, c))
+
+
+@compiled(brief=True)
+def length_at(rows: Rows, plane: Array, table: Array, k: int) -> float:
+    """The length of order k of Au, over all directions of a contact."""
+    size = 0.0
+    for i in range(len(directions_of(rows, plane[LEAD]))):
+        size = math.hypot(size, table[plane[AHEAD + i], k])
+    return size
+
+
+@compiled(brief=True)
+def is_at_rest(rows: Rows, table: Array, p: int, loosely: float) -> bool:
+    """Whether a contact in a plane does not move, up to rounding.
+
+    The tape of a mode asks the same where it makes a direction: what does not move begins to slip
+    there, so it has to be able to stick first.
+
+    Parameters
+    ----------
+    table : array
+        Values of the rows.
+    loosely : float
+        Factor of the rounding errors.
+    """
+    plane = rows.planes[p]
+    return length_at(rows, plane, table, 0) <= loosely * ROUNDING * table[plane[AU_SIZE], 0]
 
 
 @compiled()

@@ -74,7 +74,13 @@ from stickslip.motion.steps.response import (
     respond,
     respond_at,
 )
-from stickslip.motion.steps.sets import is_rate_independent, slips_with_mass, whole_speed, width_of
+from stickslip.motion.steps.sets import (
+    is_rate_independent,
+    length_at,
+    slips_with_mass,
+    whole_speed,
+    width_of,
+)
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -173,15 +179,6 @@ def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
         set_mode(rows, mode, c, DIRECTION_GIVEN)
         found = True
     return found
-
-
-@compiled()
-def length_at(rows: Rows, plane: Array, table: Array, k: int) -> float:
-    """The length of order k of Au, over all directions of a contact."""
-    size = 0.0
-    for i in range(len(directions_of(rows, plane[LEAD]))):
-        size = math.hypot(size, table[plane[AHEAD + i], k])
-    return size
 
 
 @compiled()

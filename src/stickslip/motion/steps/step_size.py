@@ -27,9 +27,11 @@ from stickslip.motion.discs.tables import (
 )
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
+    AIM,
     AIM_SPEED,
     DIMENSION,
     EPSILON,
+    FORMULA,
     INERTIAL,
     INSTANT,
     LEAD,
@@ -108,6 +110,9 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
             # component.
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
+        if value == 0.0 and not seen[i] > 0.0:
+            # A slip in a plane may begin with no acceleration.
+            slope += abs(W[r, 2]) * (last / unit)
         size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])
         if i < 2 * nq:
             size += far if i < nq else slow
@@ -157,9 +162,11 @@ def is_silent(rows: Rows, W: Array, r: int) -> bool:
     r : int
         The row.
     """
-    for p in range(len(rows.planes)):
-        if r == rows.planes[p, ADMISSIBLE] and W[rows.planes[p, AIM_SPEED], 0] > 0.0:
-            return True
+    for plane in rows.planes:
+        if r == plane[ADMISSIBLE]:
+            # What begins to slip has a direction, and no speed yet.
+            aimed = W[plane[AIM], 0] != 0.0 or W[plane[AIM] + 1, 0] != 0.0
+            return bool(W[plane[AIM_SPEED], 0] > 0.0 or (aimed and plane[FORMULA] < 0))
     return False
 
 

@@ -54,7 +54,7 @@ from stickslip.motion.steps.radau import (
     to_legendre,
     to_powers,
 )
-from stickslip.motion.steps.sets import slip_speed
+from stickslip.motion.steps.sets import slip_speed, slips_with_mass
 from stickslip.motion.steps.step_size import (
     LEAST_SIZE,
     expand,
@@ -188,7 +188,7 @@ def follow_mode(
     step = -1.0
     while True:
         order, h = expand(machine, flow, start, room, before, seen)
-        if order == N and h < room and leads_to_rest(flow, start, room, seen):
+        if order == N and h < room and touches_rest(flow, start, room, seen):
             return order, room, room
         least = dear(n) * h
         if before > least:
@@ -210,9 +210,10 @@ def follow_mode(
 
 
 @compiled()
-def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
-    """Whether a slip in a plane ends with a step, and the series is good for all of it, as it was
-    when the motion was computed: there finer steps would lead to the end only bit by bit.
+def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
+    """Whether a slip in a plane begins or ends with a step, and the series is good for all of it,
+    as it was when the motion was computed: finer steps would lead to the end only bit by bit, and
+    away from the beginning as slowly, since what decays there is fast while the slip is slow.
 
     Parameters
     ----------
@@ -226,16 +227,19 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     rows = flow.rows
     W = flow.space.W
     unit = W[rows.sizes[DIMENSION], 1]
+    touches = False
     for p in range(len(rows.planes)):
-        speed = rows.planes[p, AIM_SPEED]
-        if not slip_speed(rows, start.mode, W, p) > 0.0:
-            continue
-        end, _ = slip_end(W[speed], flow.order, 2.0 * room / unit)
-        if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):
-            tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
-            known = Flow(rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
-            return step_size(known, flow.order, seen, room) >= room
-    return False
+        if slip_speed(rows, start.mode, W, p) > 0.0:
+            end, _ = slip_end(W[rows.planes[p, AIM_SPEED]], flow.order, 2.0 * room / unit)
+            near = _AT_THE_END * room + INSTANT * abs(start.t)
+            touches = touches or abs(end * unit - room) <= near
+        else:
+            touches = touches or slips_with_mass(rows, start.mode, p)
+    if not touches:
+        return False
+    tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
+    known = Flow(rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
+    return step_size(known, flow.order, seen, room) >= room
 
 
 @compiled()
