@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -168,6 +169,17 @@ def test_stick_onsets_in_two_parameters() -> None:
         v_s, V = float(curve.points["v_s"][i]), float(curve.points["V"][i])
         across = branch(V - 0.05, "V", (V - 0.1, V + 0.1), v_s=v_s)
         assert across.of_kind("stick onset")[0].value == pytest.approx(V, rel=1e-7)
+
+
+@pytest.mark.parametrize("shift", [-1e-9, -3e-10, 3e-10, 1e-9])
+def test_the_curve_starts_from_either_side_of_the_onset(shift: float) -> None:
+    """A point that rounding has put where the contact sticks for a moment."""
+    onset = branch(1.0).of_kind("stick onset")[0]
+    shifted = onset.parameters | {"V": onset.parameters["V"] + shift}
+    point = replace(onset, parameters=shifted)
+    ranges = {"V": SPAN, "v_s": (0.49, 0.51)}
+    curve = stick_onset_curve(stribeck_belt(), point, "V", "v_s", ranges=ranges)
+    assert curve.certificate.ok, curve.certificate.describe()
 
 
 def test_a_fold_that_is_not_smooth_points_to_the_onset() -> None:

@@ -98,6 +98,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     far = FAINT * largest_within(W, 0, nq, 1, last / unit)
     slow = FAINT * largest_within(W, nq, nq, 1, last / unit)
     begins = False
+    planar = len(flow.rows.planes) > 0
     for i in range(len(rows)):
         r = rows[i]
         if is_silent(flow.rows, W, r):
@@ -110,7 +111,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
             # component.
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
-        if value == 0.0 and not seen[i] > 0.0:
+        if planar and value == 0.0 and not seen[i] > 0.0:
             # A slip in a plane may begin with no acceleration.
             slope += abs(W[r, 2]) * (last / unit)
         size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])

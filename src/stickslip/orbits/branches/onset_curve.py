@@ -204,25 +204,31 @@ class _Equations:
         key = z.tobytes()
         if key not in self.known:
             F, own = self.residual(z)
-            J = np.column_stack([self._difference(z, i, F) for i in range(len(z))])
+            found = [self._difference(z, i, F, own) for i in range(len(z))]
+            J = np.column_stack([change for change, _ in found])
+            # Newton's method leads to the side that slips, where the derivatives of the cycle's
+            # equations differ from those where it sticks.
+            if F[-1] <= -_SLIPPING:
+                own = next((there for _, there in found if there is not own), own)
             J[:-1, :-1] = own
             self.known[key] = F, J
         return self.known[key]
 
-    def _difference(self, z: Array, i: int, F: Array) -> Array:
+    def _difference(self, z: Array, i: int, F: Array, own: Array) -> tuple[Array, Array]:
         """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the
-        side that slips."""
+        side that slips, with the derivative there of the equations of the cycle."""
         h = _DIFFERENCE * self.scale(z)[i]
         found = []
         for side in (h, -h):
             moved = z.copy()
             moved[i] += side
             if np.all(moved[-2:] <= self.upper):
-                change = (self.residual(moved)[0] - F) / side
-                if (F + change * side)[-1] > -_SLIPPING:
-                    return change
+                value, there = self.residual(moved)
+                change = (value - F) / side
+                if value[-1] > -_SLIPPING:
+                    return change, there
                 found.append(change)
-        return found[0]
+        return found[0], own
 
     def scale(self, z: Array) -> Array:
         """Units of the unknowns."""
