@@ -7,6 +7,7 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator, Set
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -66,21 +67,24 @@ def imports_of(node: ast.AST, at_once: bool = True) -> Iterator[Import]:
             yield from imports_of(child, at_once and not isinstance(child, ast.FunctionDef))
 
 
-IMPORTS = {
-    name: [
-        found
-        for found in imports_of(ast.parse(path.read_text(encoding="utf-8")))
-        if found.name in MODULES
-    ]
-    for name, path in MODULES.items()
-}
+@cache
+def imported() -> dict[str, list[Import]]:
+    """What each module imports of the house."""
+    return {
+        name: [
+            found
+            for found in imports_of(ast.parse(path.read_text(encoding="utf-8")))
+            if found.name in MODULES
+        ]
+        for name, path in MODULES.items()
+    }
 
 
 def arrows(lazy: bool) -> dict[str, set[str]]:
     """From each room to those it imports from; lazily, too, but for pictures."""
     found: dict[str, set[str]] = {room: set() for room in ROOMS}
-    for name, imported in IMPORTS.items():
-        used = {i.name for i in imported if i.at_once or (lazy and not i.name.startswith(PICTURES))}
+    for name, own in imported().items():
+        used = {i.name for i in own if i.at_once or (lazy and not i.name.startswith(PICTURES))}
         found[room_of(name)] |= {room_of(other) for other in used} - {room_of(name)}
     return found
 
@@ -98,7 +102,7 @@ def test_no_room_is_a_hall() -> None:
     """A dozen files at most, unless they know nothing of each other: then it is a shelf."""
     for room in ROOMS:
         files = {name for name in MODULES if name not in ROOMS and room_of(name) == room}
-        used = {i.name for name in files for i in IMPORTS[name]}
+        used = {i.name for name in files for i in imported()[name]}
         assert len(files) <= DOZEN or not files & used, f"{room} has {len(files)} files"
 
 
@@ -114,9 +118,9 @@ def test_a_circle_is_found() -> None:
     assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
     assert any(
         i.name == "stickslip.figures.motion" and not i.at_once
-        for i in IMPORTS["stickslip.motion.trajectory"]
+        for i in imported()["stickslip.motion.trajectory"]
     )
-    assert "stickslip.errors" in {i.name for i in IMPORTS["stickslip.model.declaration"]}
+    assert "stickslip.errors" in {i.name for i in imported()["stickslip.model.declaration"]}
 
 
 def test_the_library_needs_nothing_that_only_the_paper_needs() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 import stickslip as ss
 from adversarial import dissipations, planes, points
-from adversarial.registry import in_turn
 
 KINDS = {"planes": planes, "points": points, "dissipations": dissipations}
 PART = 0.3
@@ -27,9 +26,8 @@ FOUND = [
 def drawn(count: int = 1) -> Iterator[tuple[str, str, int, float]]:
     yield from FOUND
     for kind, module in KINDS.items():
-        names = list(module.FAMILIES)
-        for case in in_turn(names, module.draw, 0, count * len(names)):
-            yield kind, case.family, case.seed, PART
+        for seed in range(count):
+            yield from ((kind, family, seed, PART) for family in module.FAMILIES)
 
 
 def followed(case: dissipations.Rubbed, until: float) -> ss.Trajectory:

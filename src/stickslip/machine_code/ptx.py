@@ -122,8 +122,18 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
     direct = {kind: name for name, kind in INTERFACE.items()}
     program = Program((), _kernels_in(system), threads=entries, direct=direct)
     module = _module(program.whole())
-    module.link_in(_module(system))
+    of_system = _module(system)
+    called = [part.name for part in of_system.functions if part.is_declaration]
+    module.link_in(of_system)
     module.link_in(_mathematics(mathematics))
+    missing = [
+        name
+        for name in called
+        if not name.startswith("llvm.") and module.get_function(name).is_declaration
+    ]
+    if missing:
+        reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
+        raise DeclarationError("device", reason, 'Use device="cpu"')
     names = {entry.__name__ for entry in entries}
     # LLVM makes names that PTX can have of those which are known inside alone.
     for part in (*module.functions, *module.global_variables):
@@ -132,14 +142,6 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
     module.verify()
     target = machine(_target(), LOOPS)
     optimise(module, target, loops=False, inlined=_INLINED)
-    missing = [
-        part.name
-        for part in module.functions
-        if part.is_declaration and not part.name.startswith("llvm.")
-    ]
-    if missing:
-        reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
-        raise DeclarationError("device", reason, 'Use device="cpu"')
     return target.emit_assembly(module).encode()
 
 
