@@ -274,7 +274,7 @@ def calls() -> Iterator[tuple[str, Call]]:
             {
                 "system": ss.catalogue.jenkins_oscillator(force="0"),
                 "initial": {"d_x": 3.0},
-                "coordinate": "x",
+                "of": "x",
                 "span": (0.0, 20.0),
                 "parameters": {"c": 0.0},
                 "rtol": 1e-10,
@@ -291,7 +291,7 @@ def calls() -> Iterator[tuple[str, Call]]:
             {
                 "system": ss.catalogue.jenkins_oscillator(force=0),
                 "amplitudes": (0.4, 0.8),
-                "coordinate": None,
+                "of": None,
                 "mode": 1,
                 "parameters": {"F_c": 0.3},
                 "points": 2,

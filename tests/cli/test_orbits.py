@@ -317,13 +317,15 @@ def test_backbone(tmp_path: Path) -> None:
     found = summary(out, BACKBONE)
     assert found["points"] == 3 and found["coordinate"] == "x"
     assert found["frequencies"][0] == pytest.approx(2.0**0.5, abs=1e-9)
+    result = stickslip("backbone", *given, "--of", "x - 1", "--points", "2", "--out", str(out))
+    assert result.exit_code == 0 and summary(out, BACKBONE)["coordinate"] == "x - 1"
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ((), "drive 'force'"),
-        (("--set", "force=0", "--coordinate", "y"), "unknown coordinate 'y'"),
+        (("--set", "force=0", "--of", "y"), "unknown quantity 'y'"),
         (("--set", "force=0", "--initial", "z=1"), "initial.z"),
         (("--set", "force=0", "--until", "-1"), "span"),
     ],
@@ -341,7 +343,7 @@ def test_a_command_for_no_ring_down_is_refused(given: tuple[str, ...], message: 
         (("--amplitudes", "1:0.1", "--set", "force=0"), "amplitudes"),
         (("--amplitudes", "0.1:1"), "driven by 'force'"),
         (("--amplitudes", "0.1:1", "--set", "force=0", "--mode", "3"), "unknown mode 3"),
-        (("--amplitudes", "0.1:1", "--set", "force=0", "--coordinate", "y"), "coordinate"),
+        (("--amplitudes", "0.1:1", "--set", "force=0", "--of", "y"), "unknown quantity 'y'"),
     ],
 )
 def test_a_backbone_of_nothing_is_refused(given: tuple[str, ...], message: str) -> None:

@@ -101,3 +101,12 @@ def test_a_mode_that_is_off_by_little_is_seen(mode: int) -> None:
     off = replace(motion.knots, state=states)
     tampered = ss.Trajectory(motion._problem, motion.t_span, off, motion.outcome)
     assert not tampered.certificate.ok
+
+
+def test_structures_of_the_catalogue_swing_freely() -> None:
+    beam = ss.catalogue.cantilever(8)
+    found = ss.backbone(beam, (1e-4, 2e-2), of="u[tip]", points=4, parameters={"F": 0.0})
+    assert found.certificate.ok and found["slips"].values.tolist() == [0, 0, 1, 1]
+    disk = ss.catalogue.bladed_disk(3)
+    decay = ss.ring_down(disk, (0.0, 0.02), initial={"u_mode_1": 1e-4}, parameters={"F": 0.0})
+    assert decay.certificate.ok and len(decay) > 2

@@ -94,7 +94,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "no unit": (lambda: structure(MASS, STIFFNESS, unit=3), "unit: expected a string"),
     "negative ratio": (lambda: modal_damping([0.1, -0.1]), r"ratios\[1\]: -0.1 is negative"),
     "no ratio": (lambda: modal_damping([]), "a list of them"),
-    "a ratio that is none": (lambda: modal_damping("x"), "'x' is not a finite number"),
+    "a ratio that is none": (lambda: modal_damping(""), "'' is not a finite number"),
     "negative beta": (lambda: ss.ProportionalDamping(0.1, -1.0), "beta: -1 is negative"),
     "basis of other size": (
         lambda: structure(MASS, STIFFNESS, basis=np.ones((4, 2))),

@@ -542,15 +542,6 @@ def test_whatever_starts_somewhere_starts_at_unknowns() -> None:
         ss.sweep(system, {"u_mode_1": [1.0, 2.0]}, ["period"], initial={"u[1]": 1.0})
 
 
-def test_what_cannot_start_at_an_unknown_says_so() -> None:
-    system = small(forces={"u[tip]": "cos(t)"}, span=(0.0, 5.0))
-    said = r"u\[1\]: a degree of freedom of a structure; the state has its modes\. .*u_mode_1"
-    with pytest.raises(ss.DeclarationError, match=said):
-        ss.sweep(system, {"u[1]": [0.0, 0.1]}, ["high:u[tip]"])
-    with pytest.raises(ss.DeclarationError, match=said):
-        ss.simulate(system).sensitivity(["u[1]"], [1.0])
-
-
 def test_a_ring_down_names_the_force_that_drives() -> None:
     system = small(forces={"u[tip]": "2*cos(t)"})
     with pytest.raises(ss.DeclarationError, match=r"the force on u\[tip\], 2\*cos\(t\)"):

@@ -80,7 +80,7 @@ def bladed_disk(
         title="Blades on a disc with dry dampers between them",
         source="Griffin and Sinha 1985",
         parameters={
-            "F": Parameter(10.0, "N", "amplitude of the force on a blade", "(0, inf)"),
+            "F": Parameter(10.0, "N", "amplitude of the force on a blade", "[0, inf)"),
             "omega": Parameter(1190.0, "rad/s", "angular frequency of the force", "(0, inf)"),
             "F_c": Parameter(2.0, "N", "force at which a damper slides", "(0, inf)"),
             "k_d": Parameter(2.0e4, "N/m", "stiffness of a damper", "(0, inf)"),

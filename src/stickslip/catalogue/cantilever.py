@@ -53,7 +53,7 @@ def cantilever(n: float = 8, **given: float | str) -> System:
         title="Clamped beam with a dry damper",
         source="Krack and Gross 2019",
         parameters={
-            "F": Parameter(2000.0, "N", "amplitude of the force at the tip", "(0, inf)"),
+            "F": Parameter(2000.0, "N", "amplitude of the force at the tip", "[0, inf)"),
             "omega": Parameter(110.0, "rad/s", "angular frequency of the force", "(0, inf)"),
             "F_c": Parameter(300.0, "N", "force at which the damper slides", "(0, inf)"),
             "k_d": Parameter(1.3e6, "N/m", "stiffness of the damper", "(0, inf)"),

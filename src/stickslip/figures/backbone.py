@@ -20,7 +20,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
     powers_in_labels,
     root_of,
-    symbol,
+    symbol_or_formula,
 )
 from stickslip.model.entries.units import unit_label
 
@@ -108,7 +108,7 @@ def _draw(axes: Axes, found: Backbone, name: str) -> None:
 
 def _label_amplitude(axes: Axes, found: Backbone) -> None:
     unit = unit_label(str(found.dataset["amplitude"].attrs.get("units", "")).removeprefix("1"))
-    said = f"amplitude of {symbol(found.coordinate)}"
+    said = f"amplitude of {symbol_or_formula(found.coordinate)}"
     axes.set_xscale("log")
     if found.amplitude[-1] < 10.0**_DECADES * found.amplitude[0]:
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

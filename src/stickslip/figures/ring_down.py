@@ -22,7 +22,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
     powers_in_labels,
     root_of,
-    symbol,
+    symbol_or_formula,
 )
 from stickslip.model.entries.units import unit_label
 
@@ -77,7 +77,7 @@ def _motion(axes: Axes, ring_down: RingDown) -> None:
         axes.axvline(at[-1], color=ORANGE, lw=1.1, ls=(0, (4, 2)), label="comes to rest")
     axes.set_xlim(float(time[0]), float(time[-1]))
     axes.set_xlabel(_label(ring_down, "sample_time", "$t$"))
-    axes.set_ylabel(_label(ring_down, "sample_position", symbol(ring_down.coordinate)))
+    axes.set_ylabel(_label(ring_down, "sample_position", symbol_or_formula(ring_down.coordinate)))
     legend_above(axes, right=True)
 
 
@@ -87,7 +87,7 @@ def _over_amplitude(axes: Axes, ring_down: RingDown, over: str, name: str) -> No
     amplitude, value = data[over].values, data[name].values
     known = np.isfinite(amplitude) & np.isfinite(value)
     amplitude, value = amplitude[known], value[known]
-    what = symbol(ring_down.coordinate)
+    what = symbol_or_formula(ring_down.coordinate)
     axes.set_xlabel(_label(ring_down, "amplitude", f"amplitude of {what}"))
     axes.set_ylabel(_label(ring_down, name, str(data[name].attrs["long_name"])))
     if not len(value):

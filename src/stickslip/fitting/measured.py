@@ -104,7 +104,8 @@ class MeasuredRecord:
             for j, name in enumerate(names):
                 if name in formula.symbols:
                     slope = ex.evaluate(ex.derivative(formula, name), parameters)
-                    slopes[state.index(component), j] = slope
+                    for part, weight in self.system.start_slope(component).items():
+                        slopes[state.index(part), j] += weight * slope
         return slopes
 
     def move(
@@ -353,8 +354,7 @@ def _initial(system: System, recording: Recording) -> dict[str, Expr]:
         name: _closed(declaration.scope.parse(value, f"initial.{name}"), name, parameters)
         for name, value in recording.initial.items()
     }
-    found = system.started(found)
-    for name in found:
+    for name in system.started(found):
         check_initial(declaration, name, 0.0)
     return found
 

@@ -378,8 +378,9 @@ def fit_problem(
     data : table, Recording, or sequence of these
         A file, a DataFrame, a Dataset, or a mapping of names to arrays; see :class:`Recording`.
     free : mapping of str to (float, float) or None, or names
-        Unknowns with bounds: parameters, and parts of the state for their initial values (one for
-        each recording); by default the declared ranges.
+        Unknowns with bounds: parameters, and parts of the state, or degrees of freedom ``u[tip]``
+        of structures, for their initial values (one for each recording); by default the declared
+        ranges.
     observe : mapping of str to str, optional
         The quantity of the motion (or a formula of quantities) for each column; by default columns
         have the names of quantities. ``t`` is the time of an event.

@@ -78,8 +78,8 @@ def read_unknowns(
     Parameters
     ----------
     free : mapping of str to (float, float) or None, or names
-        Parameters, and components of the state for their initial values, with bounds; by default
-        the declared ranges.
+        Parameters, and components of the state, or degrees of freedom of structures, for their
+        initial values, with bounds; by default the declared ranges.
     given : mapping of str to float
         Values of parameters that replace the defaults: where to begin.
 
@@ -94,6 +94,8 @@ def read_unknowns(
             "free", "there are no unknowns to fit", 'Give the unknowns, like {"k": (1, 10)}'
         )
     state = list(system.declaration.state)
+    for record in records:
+        system.check_starts([*record.initial, *table], "free")
     found: list[Unknown] = []
     for name, bounds in table.items():
         if name in system.parameters:
@@ -105,7 +107,7 @@ def read_unknowns(
                     "Remove the fixed value, or do not fit it",
                 )
             found.append(_parameter(system, name, bounds, given))
-        elif name in state:
+        elif system.start_slope(name, "free"):
             found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
         else:
             known = suggestion(name, [*system.parameters, *state])
@@ -135,7 +137,10 @@ def _parameter(system: System, name: str, bounds: FreeRange, given: Mapping[str,
 def _initial(
     system: System, name: str, bounds: FreeRange, r: int, records: tuple[Recording, ...]
 ) -> Unknown:
-    given = records[r].initial.get(name, system.plain.initial.get(name, 0.0))
+    begun = system.plain.initial
+    row = system.unknown(name) or {name: 1.0}
+    declared = sum(weight * begun.get(part, 0.0) for part, weight in row.items())
+    given = records[r].initial.get(name, declared)
     if isinstance(given, str):
         raise DeclarationError(
             f"free.{name}",

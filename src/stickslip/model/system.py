@@ -7,12 +7,13 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import TYPE_CHECKING, Any, cast
 
 from stickslip.arguments import validated
+from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
     AnyStructure,
@@ -260,16 +261,74 @@ class System:
         from stickslip.structures.coordinates import start_of
 
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
-        structures = self.written_structures
-        rest = start_of(structures, {**self.initial, **zero})
+        rest = start_of(self.written_structures, {**self.initial, **zero})
         found: dict[str, Any] = {}
         # Amplitudes of modes are linear in the values, whatever these are.
         for name in unknowns:
-            ones = start_of(structures, {**self.initial, **zero, name: 1.0})
-            for mode in [part for part in ones if part not in self.initial]:
-                part = given[name] * (ones[mode] - rest[mode])
-                found[mode] = found.get(mode, rest[mode]) + part
+            for mode, slope in self.start_slope(name).items():
+                if mode not in self.initial:
+                    found[mode] = found.get(mode, rest[mode]) + given[name] * slope
         return found | {name: value for name, value in given.items() if not is_entry(name)}
+
+    def start_slope(self, name: str, section: str = "initial") -> dict[str, float]:
+        """Derivative of the initial state with respect to the initial value of a part of the state
+        or of a degree of freedom of a structure, all others being fixed.
+
+        Parameters
+        ----------
+        name : str
+            The part of the state, or the degree of freedom, such as ``d_u[tip]``.
+        section : str
+            Prefix of error messages.
+
+        Returns
+        -------
+        dict of str to float
+            By part of the state; empty for any other name.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such degree of freedom, or it is not a coordinate of a reduced structure.
+        """
+        if name in self.declaration.places:
+            return {name: 1.0}
+        if not (is_entry(name) and self.structures):
+            return {}
+        from stickslip.structures.coordinates import modes_per_unknown
+
+        return modes_per_unknown(self.written_structures, name, section)
+
+    def check_starts(self, names: Iterable[str], section: str) -> None:
+        """Reject initial values of both a degree of freedom of a structure and a mode, and of one
+        degree of freedom under two names.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Names of all initial values that are given or vary; other names are ignored.
+        section : str
+            Prefix of error messages.
+
+        Raises
+        ------
+        DeclarationError
+            If there is such a pair.
+        """
+        slopes = {name: self.start_slope(name, section) for name in names}
+        unknowns = {name: slope for name, slope in slopes.items() if slope and name not in slope}
+        for name, slope in unknowns.items():
+            where = f"{section}.{short(name)}"
+            if own := sorted(slope.keys() & slopes.keys()):
+                raise DeclarationError(
+                    where,
+                    f"an initial value of the mode {own[0]} is given as well",
+                    "Give either degrees of freedom or modes",
+                )
+            if twice := [x for x, other in unknowns.items() if x != name and other == slope]:
+                raise DeclarationError(
+                    where, f"it is the same degree of freedom as {twice[0]}", "Give it once only"
+                )
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:

@@ -56,6 +56,7 @@ from stickslip.symbolic.formulas import (
 if TYPE_CHECKING:
     from stickslip.model.entries.tables import Table
     from stickslip.model.laws import FrictionLaw
+    from stickslip.structures.coordinates import InModes
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
@@ -351,9 +352,10 @@ class _WrittenOut:
         part = InModes(name, structure)
         self.structures[name] = part
         try:
-            energies = part.energies()
+            _ = structure.squares
         except DeclarationError as error:  # too large for all its modes
             raise DeclarationError(where, error.reason, error.remedy) from None
+        energies = part.energies(self.damping_words(part, f"{where}.damping"))
         for kind, energy in zip(("kinetic", "potential", "viscous"), energies, strict=True):
             self.energies[kind].append(energy)
         pushed: list[list[str]] = [[] for _ in part.coordinates]
@@ -372,13 +374,62 @@ class _WrittenOut:
             self.take(self.coordinates, mode, coordinate, where)
             self.origins[f"coordinates.{mode}"] = where
 
+    def damping_words(self, part: InModes, where: str) -> dict[str, str]:
+        """Names of the functions that hold the formulas in the damping of a structure."""
+        words: dict[str, str] = {}
+        for i, formula in enumerate(part.damping_formulas(), 1):
+            words[formula] = own = f"damping_{part.name}_{i}"
+            self.take(self.functions, own, formula, where)
+            self.origins[f"functions.{own}"] = where
+            self.ranges.append((where, own, "[0, inf)"))
+            try:
+                value = self.number(formula, {}, where)
+            except DeclarationError:
+                continue  # refused where the function is parsed
+            parse_range("[0, inf)", where).check(value, where)
+        return words
+
     def start_structures(self) -> None:
-        """Let modes begin where unknowns are to."""
+        """Initial values of modes, and their values after jumps, from those of unknowns."""
         if self.structures:
-            from stickslip.structures.coordinates import InModes, start_of
+            from stickslip.structures.coordinates import start_of
 
             parts = cast("Mapping[str, InModes]", self.structures)
             self.initial = start_of(parts, self.initial)
+            for name, jump in self.jumps.items():
+                to = self.landing(entry_key("jumps", name), jump.to, parts)
+                self.jumps[name] = replace(jump, to=to)
+
+    def landing(
+        self, where: str, to: Mapping[str, Formula], parts: Mapping[str, InModes]
+    ) -> dict[str, Formula]:
+        """New values of modes from those declared of unknowns; all other unknowns stay."""
+        from stickslip.structures.coordinates import modes_per_unknown
+
+        found: dict[str, Formula] = {x: value for x, value in to.items() if not is_entry(x)}
+        terms: dict[str, list[str]] = {}
+        known: list[dict[str, float]] = []
+        for number, (x, value) in enumerate(to.items(), 1):
+            if not is_entry(x):
+                continue
+            own, here = f"landing_{key_of(where)}_{number}", entry_key(f"{where}.to", x)
+            self.take(self.functions, own, value, here)
+            self.origins[f"functions.{own}"] = here
+            slope = modes_per_unknown(parts, x, f"{where}.to")
+            if slope in known:
+                raise DeclarationError(
+                    here, "this degree of freedom has two new values", "Give it once only"
+                )
+            if both := [mode for mode in slope if mode in found]:
+                raise DeclarationError(
+                    here,
+                    f"a new value of the mode {both[0]} is given as well",
+                    "Give either degrees of freedom or modes",
+                )
+            known.append(slope)
+            for mode, weight in slope.items():
+                terms.setdefault(mode, [mode]).append(f"({weight!r})*({own} - {x})")
+        return found | {mode: " + ".join(parts) for mode, parts in terms.items()}
 
     def unknown(self, section: str, text: str) -> str:
         """The name of an unknown, or of its rate, as symbols have it.

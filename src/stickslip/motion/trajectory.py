@@ -568,7 +568,8 @@ class Trajectory(Result):
         Parameters
         ----------
         names : sequence of str
-            Parameters; and components of the state, for their initial values.
+            Parameters; and components of the state, or degrees of freedom of structures, such as
+            ``"u[tip]"``, for their initial values.
         times : array, optional
             By default 201 of them, evenly.
         of : sequence of str, optional

@@ -9,6 +9,7 @@ import numpy as np
 
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import made_once
+from stickslip.structures.damping import ModalDamping, ProportionalDamping
 from stickslip.structures.names import entry_of, is_entry
 from stickslip.structures.structure import Structure, UnknownKey
 from stickslip.symbolic import expressions as ex
@@ -107,13 +108,35 @@ class InModes:
         large = np.abs(row) > _NOTHING * np.max(np.abs(row), initial=0.0)
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
 
-    def energies(self) -> tuple[str, str, str]:
-        """Kinetic and elastic energy and the viscous part of the dissipation potential."""
+    def damping_formulas(self) -> list[str]:
+        """Coefficients of the damping that are formulas, without repetition."""
+        rule = self.structure.damping
+        if not isinstance(rule, ProportionalDamping | ModalDamping):
+            return []
+        given = (value for value, _ in rule.weights(self.structure.squares))
+        return list(dict.fromkeys(value for value in given if isinstance(value, str)))
+
+    def energies(self, words: Mapping[str, str]) -> tuple[str, str, str]:
+        """Kinetic and elastic energy and the viscous part of the dissipation potential.
+
+        Parameters
+        ----------
+        words : mapping of str to str
+            Names of the :attr:`damping_formulas`.
+        """
         names, s = self.coordinates, self.structure
         kinetic = _sum(f"d_{q}**2/2" for q in names)
         elastic = _sum(
             f"{float(a) / 2.0!r}*{q}**2" for q, a in zip(names, s.squares, strict=True) if a
         )
+        if words and isinstance(s.damping, ProportionalDamping | ModalDamping):
+            damped = _sum(
+                f"{words.get(str(value), value)}*{float(w) / 2.0!r}*d_{q}**2"
+                for value, weights in s.damping.weights(s.squares)
+                for q, w in zip(names, weights, strict=True)
+                if value and w
+            )
+            return kinetic, elastic, damped
         damping = s.modal_damping
         if damping.ndim == 1:
             damped = _sum(
@@ -151,22 +174,11 @@ def start_of(
         if not is_entry(text):
             others[text] = value
             continue
-        where = f"{section}.'{short(text)}'"
-        try:
-            prefix, name, index = entry_of(text, structures)
-        except KeyError as error:
-            raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
-        structure = structures[name].structure
-        if index not in structure.own:
-            raise DeclarationError(
-                where,
-                "it is not a coordinate of the reduced structure",
-                "Keep it in the reduction, or give values of modes, like "
-                f"{prefix}{structures[name].coordinates[0]}",
-            )
+        prefix, name, place = _own_place(structures, text, section)
         if not is_finite(value):
+            where = f"{section}.'{short(text)}'"
             raise DeclarationError(where, "not a finite number", "Give a finite number")
-        rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
+        rows.setdefault((prefix, name), {})[place] = float(value)
     found: dict[str, float] = {}
     for (prefix, name), row in rows.items():
         place = np.zeros(structures[name].structure.coordinates)
@@ -175,6 +187,56 @@ def start_of(
         names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
         found |= dict(zip(names, map(float, modes), strict=True))
     return {**found, **others}
+
+
+def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tuple[str, str, int]:
+    """``"d_"`` or nothing, the structure, and the index of the coordinate that an unknown is.
+
+    Raises
+    ------
+    DeclarationError
+        If it does not exist, or is not a coordinate of a reduced structure.
+    """
+    where = f"{section}.'{short(text)}'"
+    try:
+        prefix, name, index = entry_of(text, structures)
+    except KeyError as error:
+        raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
+    own = structures[name].structure.own
+    if index not in own:
+        raise DeclarationError(
+            where,
+            "it is not a coordinate of the reduced structure",
+            "Keep it in the reduction, or give values of modes, like "
+            f"{prefix}{structures[name].coordinates[0]}",
+        )
+    return prefix, name, own[index]
+
+
+def modes_per_unknown(
+    structures: Mapping[str, InModes], text: str, section: str = "initial"
+) -> dict[str, float]:
+    """Derivatives of the modes, or their rates, with respect to one unknown, or its rate, all other
+    unknowns being fixed.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``d_u[tip]``.
+    section : str
+        Prefix of error messages.
+
+    Raises
+    ------
+    DeclarationError
+        If it does not exist, or is not a coordinate of a reduced structure.
+    """
+    prefix, name, place = _own_place(structures, text, section)
+    unit = np.zeros(structures[name].structure.coordinates)
+    unit[place] = 1.0
+    modes = structures[name].structure.in_modes(unit)
+    names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
+    return dict(zip(names, map(float, modes), strict=True))
 
 
 def _sum(terms: Iterable[str]) -> str:

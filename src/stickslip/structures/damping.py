@@ -1,16 +1,23 @@
-"""Damping that is said of modes, not by a matrix."""
+"""Damping rules of structures, by modes in place of a matrix.
+
+A rule is a sum of coefficients, each with a weight for every mode. A coefficient is a number, or a
+formula of the parameters of the system that contains the structure.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
 from stickslip.symbolic.formulas import is_finite
 
+Coefficient = float | str
+"""A number, or a formula of parameters."""
 _ROUNDED = 4.0 * np.finfo(float).eps  # of a sum of magnitudes, what may be rounding
 
 
@@ -20,21 +27,31 @@ class ProportionalDamping:
 
     Attributes
     ----------
-    alpha, beta : float
-        Nonnegative; α in 1/time, β in time.
+    alpha, beta : float or str
+        Nonnegative; α in 1/time, β in time. A string is a formula of parameters of the system.
 
     Raises
     ------
     DeclarationError
-        If one of them is negative or not a number.
+        If one of them is negative, or neither a number nor a formula.
     """
 
-    alpha: float
-    beta: float
+    alpha: Coefficient
+    beta: Coefficient
 
     def __post_init__(self) -> None:
         for name in ("alpha", "beta"):
-            object.__setattr__(self, name, _not_negative(getattr(self, name), f"damping.{name}"))
+            object.__setattr__(self, name, _coefficient(getattr(self, name), f"damping.{name}"))
+
+    def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
+        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
+
+        Parameters
+        ----------
+        squares : array, shape (n,)
+            Squares of angular frequencies.
+        """
+        return [(self.alpha, np.ones(len(squares))), (self.beta, squares)]
 
     def of_modes(self, squares: Array) -> Array:
         """What multiplies the rate of each mode of unit mass.
@@ -43,8 +60,14 @@ class ProportionalDamping:
         ----------
         squares : array, shape (n,)
             Squares of angular frequencies.
+
+        Raises
+        ------
+        DeclarationError
+            If a coefficient is a formula.
         """
-        return self.alpha + self.beta * squares
+        alpha, beta = _numbers((self.alpha, self.beta))
+        return alpha + beta * squares
 
     def plain(self) -> dict[str, object]:
         """Plain data for a model file."""
@@ -58,17 +81,27 @@ class ModalDamping:
 
     Attributes
     ----------
-    ratios : float or sequence of float
+    ratios : float, str, or sequence of these
         ζ of the modes, in order of frequency; the last one applies to all further modes, so a
-        single number applies to all.
+        single number applies to all. A string is a formula of parameters of the system, as in
+        ``ModalDamping("zeta")``.
 
     Raises
     ------
     DeclarationError
-        If a ratio is negative or not a number.
+        If a ratio is negative, or neither a number nor a formula.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> body = ss.Structure([[1.0]], [[4.0]], ss.ModalDamping("zeta"))
+    >>> system = ss.System("s", parameters={"zeta": 0.05}, structures={"u": body})
+    >>> decay = ss.ring_down(system, (0.0, 20.0), initial={"u[0]": 1.0})
+    >>> float(decay["damping"][0].round(12))
+    0.05
     """
 
-    ratios: float | Sequence[float]
+    ratios: Coefficient | Sequence[Coefficient]
 
     def __post_init__(self) -> None:
         given = self.ratios
@@ -78,9 +111,21 @@ class ModalDamping:
                 "damping.ratios", "expected a number or a list of them", "Give ratios, like 0.01"
             )
         ratios = tuple(
-            _not_negative(ratio, f"damping.ratios[{i}]") for i, ratio in enumerate(listed)
+            _coefficient(ratio, f"damping.ratios[{i}]") for i, ratio in enumerate(listed)
         )
         object.__setattr__(self, "ratios", ratios)
+
+    def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
+        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
+
+        Parameters
+        ----------
+        squares : array, shape (n,)
+            Squares of angular frequencies.
+        """
+        each = self._each(len(squares))
+        twice = 2.0 * np.sqrt(squares)
+        return [(ratio, twice * (each == i)) for i, ratio in enumerate(self._listed)]
 
     def of_modes(self, squares: Array) -> Array:
         """What multiplies the rate of each mode of unit mass.
@@ -89,10 +134,22 @@ class ModalDamping:
         ----------
         squares : array, shape (n,)
             Squares of angular frequencies.
+
+        Raises
+        ------
+        DeclarationError
+            If a ratio is a formula.
         """
-        ratios = np.asarray(self.ratios, dtype=float)
-        each = np.minimum(np.arange(len(squares)), len(ratios) - 1)
-        return 2.0 * ratios[each] * np.sqrt(squares)
+        ratios = np.array(_numbers(self._listed))
+        return 2.0 * ratios[self._each(len(squares))] * np.sqrt(squares)
+
+    @property
+    def _listed(self) -> tuple[Coefficient, ...]:
+        return cast("tuple[Coefficient, ...]", self.ratios)
+
+    def _each(self, count: int) -> AnyArray:
+        """Index of the ratio of each mode."""
+        return np.minimum(np.arange(count), len(self._listed) - 1)
 
     def plain(self) -> dict[str, object]:
         """Plain data for a model file."""
@@ -131,10 +188,35 @@ def damping_of_shapes(damping: Array, shapes: Array) -> Array:
     return np.where(small, 0.0, found)
 
 
-def _not_negative(value: object, where: str) -> float:
+def _numbers(coefficients: Sequence[Coefficient]) -> list[float]:
+    """The coefficients as numbers.
+
+    Raises
+    ------
+    DeclarationError
+        If one is a formula.
+    """
+    found: list[float] = []
+    for coefficient in coefficients:
+        if isinstance(coefficient, str):
+            raise DeclarationError(
+                "damping",
+                f"'{short(coefficient)}' is a formula of parameters, which have no values outside "
+                "a system",
+                "Give a number, or use the structure in a system",
+            )
+        found.append(coefficient)
+    return found
+
+
+def _coefficient(value: object, where: str) -> Coefficient:
+    if isinstance(value, str) and value.strip():
+        return value
     if not is_finite(value):
         raise DeclarationError(
-            where, f"'{short(str(value))}' is not a finite number", "Give a finite number"
+            where,
+            f"'{short(str(value))}' is not a finite number",
+            'Give a finite number, or a formula of parameters, like "zeta"',
         )
     if value < 0.0:
         raise DeclarationError(

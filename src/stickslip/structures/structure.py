@@ -15,7 +15,12 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property, kept, made_once
 from stickslip.structures import matrices
-from stickslip.structures.damping import ModalDamping, ProportionalDamping, damping_of_shapes
+from stickslip.structures.damping import (
+    Coefficient,
+    ModalDamping,
+    ProportionalDamping,
+    damping_of_shapes,
+)
 from stickslip.structures.matrices import Symmetric, is_sparse
 from stickslip.symbolic.formulas import NAME
 
@@ -68,7 +73,8 @@ class Structure:
         Symmetric; the mass positive definite, the stiffness positive semidefinite: if it is
         singular, the structure has rigid modes. Symmetry is checked to 9 digits.
     damping : array or sparse array, ProportionalDamping, ModalDamping or None
-        A symmetric positive semidefinite matrix, or a damping rule; no damping by default.
+        A symmetric positive semidefinite matrix, or a damping rule, whose coefficients may be
+        formulas of parameters of the system; no damping by default.
     names : list of str, or mapping of str to int
         Names of all degrees of freedom, or of some by index. Stored as a mapping.
     unit : str
@@ -257,7 +263,13 @@ class Structure:
     @property
     def modal_damping(self) -> Array:
         """Damping of the modes of unit mass: shape (n,) where it does not couple them, else
-        (n, n)."""
+        (n, n).
+
+        Raises
+        ------
+        DeclarationError
+            If a coefficient is a formula of parameters.
+        """
         squares, shapes = self._eigen
         if self.damping is None:
             return np.zeros(len(squares))
@@ -444,9 +456,10 @@ class Structure:
             case None:
                 return "none"
             case ProportionalDamping(alpha, beta):
-                return f"{alpha:.6g} of the mass, {beta:.6g} of the stiffness"
+                return f"{_said(alpha, 6)} of the mass, {_said(beta, 6)} of the stiffness"
             case ModalDamping(ratios):
-                return f"{_some([f'{ratio:.4g}' for ratio in np.atleast_1d(ratios)])} of critical"
+                listed = cast("tuple[Coefficient, ...]", ratios)
+                return f"{_some([_said(ratio, 4) for ratio in listed])} of critical"
         return "a matrix"
 
     def _repr_html_(self) -> str:
@@ -478,6 +491,11 @@ def _fixed(*arrays: Array) -> tuple[Array, Array]:
         array.flags.writeable = False
     first, second = arrays
     return first, second
+
+
+def _said(coefficient: Coefficient, digits: int) -> str:
+    """A coefficient as text."""
+    return coefficient if isinstance(coefficient, str) else f"{coefficient:.{digits}g}"
 
 
 def _some(texts: Sequence[str]) -> str:

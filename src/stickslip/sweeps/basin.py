@@ -39,7 +39,7 @@ from stickslip.sweeps.request.measures import LACKING, known_for_a_time
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
-from stickslip.sweeps.sweep import Progress, compute_missing
+from stickslip.sweeps.sweep import Progress, checked_start, compute_missing
 from stickslip.sweeps.work.scheduler import Pool
 
 if TYPE_CHECKING:
@@ -153,7 +153,8 @@ def basin(
     system : System
     over : mapping of str to axis
         The initial values that vary, usually two, as for :func:`stickslip.sweep`: ``{"psi":
-        "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values.
+        "-2:2:80", "d_psi": "-3:3:80"}``, or arrays of values. Degrees of freedom of structures,
+        such as ``"u[tip]"``, may vary, too.
     initial : mapping of str to float, optional
         Initial values of the other states; by default the declared ones. A rate-independent
         coordinate outside the stable set starts at the nearest stable value.
@@ -201,17 +202,12 @@ def basin(
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
-    given = system.started(initial or {})
-    if twice := [name for name in given if name in varying]:
-        raise DeclarationError(
-            f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"
-        )
-    problem.initial_state(given)  # refuses what is none
+    given = checked_start(system, initial or {}, [*varying])
     plan = Plan(
         system.with_parameters(**problem.parameters),
         axes,
         _measures(problem),
-        {name: float(value) for name, value in given.items()},
+        given,
         settings,
         0,
         section=True,
@@ -230,11 +226,12 @@ def basin(
     reached = []
     if np.any(done):
         found = _settled(problem, store, done)
-        sizes = [
-            0.5 * np.ptp(varying[x]) if x in varying else 0.0 for x in system.declaration.state
-        ]
+        sizes = np.zeros(len(system.declaration.state))
+        for name, values in varying.items():
+            for x, slope in system.start_slope(name).items():
+                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
         with watching():  # what is interrupted in it ends all of it
-            census = _Census(problem, found, np.array(sizes))
+            census = _Census(problem, found, sizes)
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
     data = _dataset(system, varying, label, reached, lacks, interrupted)
@@ -291,7 +288,7 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
     for axis in axes:
         (name, *others) = axis.names
         where = f"over.{','.join(axis.names)}"
-        if others or name not in system.declaration.state:
+        if others or not system.start_slope(name, "over"):
             known = ", ".join(system.declaration.state)
             raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):

@@ -122,7 +122,8 @@ def sweep(
     ----------
     system : System
     over : mapping of str to axis
-        Axes: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
+        Axes of parameters and initial values, including those of degrees of freedom of structures,
+        ``"u[tip]"``: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
         (:mod:`stickslip.sweeps.request.axes` describes the notation). An axis of records,
         ``{"record": ss.Records.read("quakes")}``, drives the system with one record per point; an
         axis ``scale`` multiplies them, and each motion covers the time of its record.
@@ -241,14 +242,7 @@ def make_plan(
     system = with_span(system, span) if driven is None else driven.first
     axes = read_axes(system, over, seed)
     varied = [name for axis in axes for name in axis.names]
-    given = system.started(initial or {})
-    for name, value in given.items():
-        check_initial(system.declaration, name, value)
-        if name in varied:
-            raise DeclarationError(
-                f"initial.{name}", "it already varies along an axis", "Give it once only"
-            )
-    start = {name: float(value) for name, value in given.items()}
+    start = checked_start(system, initial or {}, varied)
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
     if carry is not None and driven is not None:
@@ -266,6 +260,33 @@ def make_plan(
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
     return Plan(system, axes, measures, start, settings, seed, carry=carried, driven=driven)
+
+
+def checked_start(
+    system: System, initial: Mapping[str, float], varied: Sequence[str]
+) -> dict[str, float]:
+    """Initial values of all points of a map, in addition to those that vary.
+
+    Parameters
+    ----------
+    varied : sequence of str
+        Names of what varies along axes.
+
+    Raises
+    ------
+    DeclarationError
+        If a name is neither a part of the state nor a degree of freedom of a structure, a value is
+        not a number, or it varies.
+    """
+    started = system.started(initial)
+    for name, value in started.items():
+        check_initial(system.declaration, name, value)
+    if twice := [name for name in (*started, *initial) if name in varied]:
+        raise DeclarationError(
+            f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"
+        )
+    system.check_starts([*initial, *varied], "initial")
+    return {name: float(value) for name, value in initial.items()}
 
 
 def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:

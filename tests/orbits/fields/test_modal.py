@@ -103,9 +103,7 @@ def by_parts(motion: Trajectory, pieces: Pieces, monkeypatch: pytest.MonkeyPatch
     """The same variation in steps as short as the fastest mode asks for."""
     prepared = variational._prepared
     with monkeypatch.context() as patch:
-        patch.setattr(
-            variational, "_prepared", lambda *given, modal=False: prepared(*given, modal=False)
-        )
+        patch.setattr(variational, "_prepared", lambda *given: prepared(*given[:-1], 0))
         return variation(motion, pieces).matrix
 
 
@@ -174,3 +172,60 @@ def test_eigenvectors_that_are_missing(k: float) -> None:
         spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]])
     )
     assert spectra.state[0] == DECOMPOSED
+
+
+def chain_with_damper(kind: str) -> ss.System:
+    """Twelve masses with a damper behind a spring, by coordinates or as a structure."""
+    n = 12
+    mass, stiffness = np.diag(1.0 + 0.1 * np.arange(n)), 2.0 * np.eye(n)
+    stiffness -= np.eye(n, k=1) + np.eye(n, k=-1)
+    names = {x: ss.Parameter(v) for x, v in {"F": 0.3, "omega": 0.1, "F_c": 0.01}.items()}
+    if kind == "structure":
+        body = ss.Structure(mass, stiffness, 0.02 * stiffness, names={"rub": 6, "tip": 11})
+        return ss.System(
+            "chain",
+            parameters=names,
+            structures={"u": body},
+            forces={"u[tip]": "F*cos(omega*t)"},
+            contacts={"damper": ss.laws.jenkins("d_u[rub]", F_c="F_c", k=0.5)},
+        )
+    q = [f"q{i}" for i in range(n)]
+
+    def form(matrix: Any, rate: str) -> str:
+        terms = np.argwhere(matrix).tolist()
+        return " + ".join(
+            f"({float(matrix[i, j])!r})/2*{rate}{q[i]}*{rate}{q[j]}" for i, j in terms
+        )
+
+    return ss.System(
+        "chain",
+        parameters=names,
+        coordinates={x: ss.Inertial(force="F*cos(omega*t)" if x == q[-1] else 0.0) for x in q},
+        kinetic=form(mass, "d_"),
+        potential=form(stiffness, ""),
+        viscous=form(0.02 * stiffness, "d_"),
+        contacts={"damper": ss.laws.jenkins("d_q6", F_c="F_c", k=0.5)},
+    )
+
+
+@pytest.mark.parametrize("kind", ["structure", "coordinates"])
+@pytest.mark.parametrize("free", ["omega", "F_c", "F"])
+def test_steps_of_a_piece_are_taken_as_one(
+    kind: str, free: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same as step by step, by eigenvalues and by collocation; in between nothing is known."""
+    motion = ss.simulate(chain_with_damper(kind), (0.0, 200.0))
+    equations = motion._problem.compiled.equations
+    whole = variation(motion, Pieces(equations, free))
+    ends = variation(motion, Pieces(equations, free), between=False)
+    unsound: Any = lambda spectra, w, *_: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731
+    monkeypatch.setattr(variational, "decompose_piece", unsound)
+    slow = variation(motion, Pieces(equations, free))
+    size = np.max(np.abs(slow.after), axis=(1, 2), keepdims=True)
+    assert np.max(np.abs(whole.after - slow.after) / size) < 1e-11
+    known = ~np.isnan(ends.after).any(axis=(1, 2))
+    assert 2 < np.count_nonzero(known) < 0.5 * len(known) and known[-1]
+    begins = np.flatnonzero(np.diff(ends.piece)) + 1
+    assert np.all(known[begins])
+    assert np.max((np.abs(ends.after - slow.after) / size)[known]) < 1e-11
+    np.testing.assert_allclose(ends.late, slow.late, rtol=1e-8, atol=1e-10)

@@ -102,11 +102,57 @@ def chain_of_three() -> tuple[ss.System, ss.System]:
     return body, other
 
 
+@pytest.mark.parametrize(
+    ("of", "other"), [("apart", "c - a"), ("u[tip] - u[0]", "apart"), ("d_u[tip]", "d_c")]
+)
+def test_what_is_measured_as_the_same_of_the_chain(of: str, other: str) -> None:
+    body, chain = chain_of_three()
+    body = replace(body, outputs={"apart": "u[tip] - u[0]"})
+    chain = replace(chain, outputs={"apart": "c - a + 7"})
+    one = ss.backbone(body, (0.2, 2.0), of=of, points=3)
+    two = ss.backbone(chain, (0.2, 2.0), of=other, points=3)
+    assert one.certificate.ok and one.coordinate == of
+    np.testing.assert_allclose(one.amplitude, np.geomspace(0.2, 2.0, 3), rtol=1e-9)
+    for name in ("frequency", "damping", "dissipated", "harmonic"):
+        np.testing.assert_allclose(one[name], two[name], rtol=1e-8, atol=1e-12)
+
+
+def test_an_output_that_bends() -> None:
+    system = replace(
+        ss.catalogue.jenkins_oscillator(c=0.0, force=0),
+        outputs={"gauge": ss.Output("3*x + x**3 - 2", "V"), "loop": "friction_damper"},
+    )
+    places = ss.backbone(system, (0.2, 3.0), points=3)
+    A = places.amplitude
+    for x, value in zip(A, 3.0 * A + A**3, strict=True):
+        found = ss.backbone(system, (value, 1.001 * value), of="gauge", points=2)
+        assert found.certificate.ok and found["amplitude"].attrs["units"] == "V"
+        alike = ss.backbone(system, (x, 1.001 * x), points=2)
+        assert found.frequency[0] == pytest.approx(alike.frequency[0], rel=1e-9)
+        assert found.damping[0] == pytest.approx(alike.damping[0], rel=1e-8, abs=1e-10)
+        assert "gauge" in str(found.summary()) and found.plot() is not None
+    # The first harmonic of 3x + x^3 for x = A cos, where nothing slips.
+    assert not places["slips"].values[0]
+    found = ss.backbone(system, (3.0 * A[0] + A[0] ** 3, 0.7), of="gauge", points=2)
+    assert found["harmonic"].values[0] == pytest.approx(3.0 * A[0] + 0.75 * A[0] ** 3, rel=1e-9)
+    velocity = ss.backbone(system, (0.1, 0.2), of="d_x", points=2)
+    np.testing.assert_allclose(velocity["harmonic"], velocity.amplitude, rtol=1e-9)
+
+
+def test_before_it_slips_a_structure_swings_as_one_wave() -> None:
+    # The matrix iω - A of harmonics by parts is singular there.
+    body = chain_of_three()[0]
+    for of in ("u[tip]", "u_mode_2", "d_u[tip]"):
+        found = ss.backbone(body, (0.05, 0.1), of=of, mode=2, points=2)
+        assert not np.any(found["slips"])
+        np.testing.assert_allclose(found["harmonic"], found.amplitude, rtol=1e-9)
+
+
 @pytest.mark.parametrize("mode", [1, 2])
 def test_a_structure_as_the_same_chain(mode: int) -> None:
     body, other = chain_of_three()
-    one = ss.backbone(body, (0.2, 4.0), coordinate="u[tip]", mode=mode, points=5)
-    two = ss.backbone(other, (0.2, 4.0), coordinate="c", mode=mode, points=5)
+    one = ss.backbone(body, (0.2, 4.0), of="u[tip]", mode=mode, points=5)
+    two = ss.backbone(other, (0.2, 4.0), of="c", mode=mode, points=5)
     assert one.certificate.ok and two.certificate.ok
     for name in ("frequency", "damping", "dissipated", "dissipated_joint", "energy"):
         np.testing.assert_allclose(one[name], two[name], rtol=1e-8, atol=1e-12)
@@ -119,7 +165,7 @@ def test_a_linear_mode_with_its_damping() -> None:
     structure = ss.Structure(mass, stiffness, ratios, {"tip": 2})
     system = ss.System("free", structures={"u": structure}, span=(0, 20))
     for mode, ratio in zip((1, 2, 3), (0.01, 0.02, 0.03), strict=True):
-        found = ss.backbone(system, (0.1, 1.0), coordinate="u[tip]", mode=mode, points=2)
+        found = ss.backbone(system, (0.1, 1.0), of="u[tip]", mode=mode, points=2)
         np.testing.assert_allclose(found.frequency, structure.frequencies[mode - 1], rtol=1e-9)
         np.testing.assert_allclose(found.damping, ratio, rtol=1e-8)
 
@@ -159,7 +205,14 @@ def test_a_drive_that_is_switched_off() -> None:
         ({"mode": 2}, "unknown mode 2"),
         ({"mode": 0}, "unknown mode 0"),
         ({"points": 1}, "points"),
-        ({"coordinate": "y"}, "coordinate"),
+        ({"of": "y"}, "unknown quantity 'y'"),
+        ({"of": "x*"}, "not a formula"),
+        ({"of": "x**2"}, "small oscillations of the mode .* do not change 'x\\*\\*2'"),
+        ({"of": "abs(x)"}, "kinks"),
+        ({"of": "friction_floor"}, "may jump"),
+        ({"of": "dd_x"}, "may jump"),
+        ({"of": "x + t"}, "depends explicitly on time"),
+        ({"of": "m"}, "it is constant"),
         ({"parameters": {"F": "x"}}, "F"),
         ({"system": ss.catalogue.jenkins_oscillator()}, "driven by 'force'"),
         ({"system": ss.catalogue.cart_pendulum()}, "mass"),
@@ -174,8 +227,8 @@ def test_a_backbone_that_makes_no_sense_is_refused(given: dict[str, Any], messag
 
 def test_a_time_limit_keeps_what_was_found() -> None:
     body = chain_of_three()[0]
-    ss.backbone(body, (0.2, 0.3), coordinate="u[tip]", points=2)
-    found = ss.backbone(body, (0.2, 4.0), coordinate="u[tip]", points=2000, time_limit=0.7)
+    ss.backbone(body, (0.2, 0.3), of="u[tip]", points=2)
+    found = ss.backbone(body, (0.2, 4.0), of="u[tip]", points=2000, time_limit=0.7)
     assert 0 < len(found.amplitude) < 2000
     assert found.outcome.name == "TIME_UP" and found.certificate.ok and not found.notes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,7 @@ def test_a_structure_in_its_first_mode() -> None:
     omega = float(body.frequencies[0])
     for name in ("u[tip]", "u_mode_1", None):
         span = (0.0, 40.0 / omega)
-        decay = ss.ring_down(system, initial={"u_mode_1": 1.0}, coordinate=name, span=span)
+        decay = ss.ring_down(system, initial={"u_mode_1": 1.0}, of=name, span=span)
         assert decay.coordinate == (name or "u[tip]")
         np.testing.assert_allclose(decay["damping"].values[:-1], 0.02, rtol=1e-9)
         damped = omega * np.sqrt(1.0 - 0.02**2) / (2.0 * np.pi)
@@ -160,6 +161,52 @@ def test_a_structure_that_rubs() -> None:
     np.testing.assert_allclose(decay["amplitude"].values, [0.09, 0.07, 0.05, 0.03, 0.01])
     np.testing.assert_allclose(decay["frequency"].values, 5.0 / (2.0 * np.pi))
     assert decay.stops and decay["turn_position"].values[-1] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_an_output_swings_as_its_coordinate_does() -> None:
+    system = replace(RUBBING, outputs={"gauge": ss.Output("3*x - 1", "mV"), "bent": "x + x**3"})
+    for start in (0.0, 1e6):
+        span = (start, start + 30.0)
+        decay, gauge, bent, same = (
+            ss.ring_down(system, span, initial={"x": 7.3}, of=of)
+            for of in ("x", "gauge", "bent", "3*x - 1")
+        )
+        x = decay["turn_position"].values
+        np.testing.assert_allclose(gauge["turn_position"], 3.0 * x - 1.0, rtol=1e-12)
+        np.testing.assert_allclose(bent["turn_position"], x + x**3, rtol=1e-12)
+        for found in (gauge, bent, same):
+            assert found.certificate.ok and found.stops and found.plot() is not None
+            np.testing.assert_allclose(found["turn_time"], decay["turn_time"], rtol=1e-14)
+    assert gauge["amplitude"].attrs["units"] == "mV" and same.coordinate == "3*x - 1"
+    assert gauge["sample_position"].values[0] == pytest.approx(3.0 * 7.3 - 1.0)
+
+
+def test_a_velocity_decays_as_its_place() -> None:
+    given: Any = {"initial": {"x": 1.0}, "parameters": {"c": 0.06}, "span": (0.0, 60.0)}
+    place, speed = (ss.ring_down(spring_and_mass(), of=of, **given) for of in ("x", "d_x"))
+    assert speed.certificate.ok
+    np.testing.assert_allclose(speed["damping"].values[1:-1], 0.03, rtol=1e-9)
+    np.testing.assert_allclose(
+        speed["frequency"].values[1:-1], place["frequency"].values[1:8][0], rtol=1e-9
+    )
+
+
+def test_unknowns_of_a_structure_relative_to_each_other() -> None:
+    system = ss.System(
+        "beam",
+        structures={"u": ss.Structure(*clamped(3))},
+        span=(0.0, 1.0),
+        outputs={"bow": "u[2] - u[0]"},
+    )
+    decay, same = (
+        ss.ring_down(system, initial={"u_mode_1": 1.0}, of=of) for of in ("bow", "u[2] - u[0]")
+    )
+    motion = ss.simulate(system, initial={"u_mode_1": 1.0})
+    there = motion.at(decay["turn_time"].values)
+    np.testing.assert_allclose(
+        decay["turn_position"].values, (there["u[2]"] - there["u[0]"]), rtol=1e-9, atol=1e-14
+    )
+    np.testing.assert_array_equal(decay["amplitude"].values, same["amplitude"].values)
 
 
 def test_what_does_not_swing() -> None:
@@ -203,10 +250,11 @@ SHAKEN = spring_and_mass(contacts={"floor": ss.Contact("d_x", "F", "F*cos(t)")})
     [
         ({"system": DRIVEN}, "drive 'force'"),
         ({"system": SHAKEN}, "depends on time"),
-        ({"coordinate": "y"}, "unknown coordinate 'y'"),
-        ({"coordinate": "d_x"}, "Did you mean 'x'?"),
+        ({"of": "y"}, "unknown quantity 'y'"),
+        ({"of": "max(x, 0)"}, "kinks"),
+        ({"of": "friction_floor*x"}, "may jump"),
         (
-            {"system": ss.catalogue.jenkins_oscillator(force="0"), "coordinate": "r_damper"},
+            {"system": ss.catalogue.jenkins_oscillator(force="0"), "of": "r_damper"},
             "no mass",
         ),
         ({"initial": {"z": 1.0}}, "initial.z"),

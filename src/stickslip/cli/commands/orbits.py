@@ -324,9 +324,14 @@ def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
 
 def ring_down_command(
     model: Model,
-    coordinate: Annotated[
+    of: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Coordinate of the vibration."),
+        typer.Option(
+            "--of",
+            metavar="FORMULA",
+            help="Quantity of the vibration: a coordinate, an output, 'u[tip]' or 'u[tip] - "
+            "u[root]'.",
+        ),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
@@ -354,7 +359,7 @@ def ring_down_command(
         return ring_down(
             system,
             initial=start,
-            coordinate=coordinate,
+            of=of,
             rtol=rtol,
             time_limit=time_limit,
             progress=progress,
@@ -372,10 +377,13 @@ def backbone_command(
             "--amplitudes", metavar="LOW:HIGH", help="Range of amplitudes, such as 0.1:10."
         ),
     ],
-    coordinate: Annotated[
+    of: Annotated[
         str | None,
         typer.Option(
-            "--coordinate", metavar="NAME", help="Coordinate of the amplitude, such as 'u[tip]'."
+            "--of",
+            metavar="FORMULA",
+            help="Quantity of the amplitude: a coordinate, an output, 'u[tip]' or 'u[tip] - "
+            "u[root]'.",
         ),
     ] = None,
     mode: Annotated[
@@ -411,7 +419,7 @@ def backbone_command(
         return backbone(
             system,
             (low, high),
-            coordinate=coordinate,
+            of=of,
             mode=mode,
             points=points,
             time_limit=time_limit,

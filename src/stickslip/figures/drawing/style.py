@@ -57,6 +57,8 @@ from stickslip.palette import (
     UNSTABLE,
     VERMILION,
 )
+from stickslip.structures.names import is_entry
+from stickslip.symbolic.formulas import NAME
 
 __all__ = [
     "BAND",
@@ -243,6 +245,11 @@ def symbol(name: str) -> str:
     """The name of a variable as mathtext; ``d_x`` is a rate."""
     rate = name.startswith("d_") and len(name) > 2
     return f"${latex_name(name[2:], 1) if rate else latex_name(name)}$"
+
+
+def symbol_or_formula(text: str) -> str:
+    """The name of a variable, or of an unknown, as mathtext; any other formula unchanged."""
+    return symbol(text) if NAME.fullmatch(text) or is_entry(text) else text
 
 
 def axis_label(names: Iterable[str], unit: str) -> str:

@@ -456,8 +456,8 @@ class Jump:
         over zero, or if the motion begins at zero.
     to : mapping of str to formula
         New values of parts of the state: coordinates, rates ``d_x`` of inertial coordinates,
-        internal variables. They are formulas of the state before the jump, applied simultaneously;
-        other parts are unchanged.
+        degrees of freedom ``u[tip]`` of structures and their rates, internal variables. They are
+        formulas of the state before the jump, applied simultaneously; other parts are unchanged.
     direction : {"falling", "rising", "both"}
         Direction of the zero crossing; −1, 1 and 0 are equivalent.
     """

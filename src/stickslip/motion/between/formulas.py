@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.quantities import ENERGIES
 from stickslip.model.system import System
@@ -80,16 +80,23 @@ class Along:
 
     def __call__(self, times: Array, index: Array) -> Array:
         """Values at times within the steps of the knots `index`, shape (times, formulas)."""
+        return self._found(times, times - self.motion.knots.origin, index)
+
+    def on_clock(self, clock: Array, index: AnyArray) -> Array:
+        """The same at times since the origin."""
+        return self._found(clock + self.motion.knots.origin, clock, index)
+
+    def _found(self, times: Array, clock: Array, index: AnyArray) -> Array:
         motion = self.motion
         values: dict[str, Array] = {}
         if self._sums:
-            values = motion._values_without_outputs(times - motion.knots.origin, index)
+            values = motion._values_without_outputs(clock, index)
         elif not self._of_state:
-            rows = motion._sample(times, index)
+            rows = motion._sample_clock(clock, index)
             values = {name: rows[:, row] for name, row in motion._rows.items()}
             motion._without_contact(values, index)
         elif not self._timed:
-            states = motion._states_at(times, index)
+            states = motion._states_on_clock(clock, index)
             values = dict(zip(motion.system.declaration.state, states.T, strict=True))
         given = {**values, **motion.parameters, "t": times}
         return evaluated(self.formulas, given, len(times)).T

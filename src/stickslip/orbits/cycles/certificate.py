@@ -97,7 +97,7 @@ def _remembered(closed: Closed) -> float:
         for i, piece in enumerate(leg.change.pieces):
             if not lasting[i]:
                 continue  # events that coincide are passed as one
-            changes = leg.change.after[i][:n, : leg.place.directions.shape[1]]
+            changes = leg.varied.after[i][:n, : leg.place.directions.shape[1]]
             most = max(most, float(np.max(np.abs(changes) / sizes[:, None], initial=0.0)))
             if piece.bound:
                 slopes = piece.bounds(float(k.time[i]), k.state[i], p).slopes[:, :n]

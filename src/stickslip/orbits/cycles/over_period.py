@@ -36,6 +36,7 @@ _REFINED = 6  # times; a value beside an extremum is known to the square of that
 _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
 _CUT_TIMES = 26  # at most: until a kink is known
+_SINGULAR = 1e-10  # largest rounding error, relative to the largest value
 _ROUNDING = 1e-14  # part of the largest value by which values differ that are the same
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
@@ -57,12 +58,13 @@ class LinearForm:
     rest: Expr = ex.ZERO
 
 
-def linear_form(motion: Trajectory, formula: Expr) -> LinearForm | None:
+def linear_form(
+    state: Iterable[str], parameters: Mapping[str, float], formula: Expr
+) -> LinearForm | None:
     """A formula as a linear form of the state; None if it is none, or not with constant
     coefficients."""
-    state, parameters = motion.system.declaration.places, motion.parameters
     felt = sorted(formula.symbols - parameters.keys() - {"t"})
-    if not state.keys() >= set(felt) or ex.bends(formula, felt):
+    if not set(state).issuperset(felt) or ex.bends(formula, felt):
         return None
     slopes = {x: ex.derivative(formula, x) for x in felt}
     if any(slope.symbols - parameters.keys() for slope in slopes.values()):
@@ -91,9 +93,9 @@ def extrema(motion: Trajectory, formulas: Mapping[str, Expr] | None = None) -> E
         forms = {x: LinearForm(row) for x, row in unknowns.items() if x[:2] != "d_"}
         formulas = motion.system.declaration.outputs
     others: dict[str, Expr] = {}
-    inertial = set(motion.system.declaration.inertial)
+    state, inertial = motion.system.declaration.places, set(motion.system.declaration.inertial)
     for name, formula in formulas.items():
-        form = linear_form(motion, formula)
+        form = linear_form(state, motion.parameters, formula)
         if form and form.weights.keys() <= inertial and not ex.bends(form.rest, ["t"]):
             forms[name] = form
         else:
@@ -264,8 +266,9 @@ def harmonics_of(
     """
     found: dict[str, complex] = {}
     left: dict[str, Expr] = {}
+    state = motion.system.declaration.places
     for name, formula in formulas.items():
-        form = linear_form(motion, formula)
+        form = linear_form(state, motion.parameters, formula)
         weights = {} if form is None else form.weights
         found[name] = sum((w * of_state[x] for x, w in weights.items()), 0j)
         rest = formula if form is None else form.rest
@@ -315,10 +318,11 @@ def _wave(
 
 def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Array, float] | None:
     """The same of a motion whose pieces are linear, y' = A y + g(t), however fast its modes are;
-    None if one is not.
+    None if one is not, or if one of its natural frequencies is Ω.
 
     By parts, (iΩ − A) ∫ y exp(−iΩt) dt = ∫ g exp(−iΩt) dt − [y exp(−iΩt)] in each step, where g is
-    as smooth as the loads are.
+    as smooth as the loads are. A free mode without damping, as in a backbone before any contact
+    slips, makes the matrix singular.
     """
     k, problem = motion.knots, motion._problem
     pieces = Pieces(problem.compiled.equations)
@@ -359,6 +363,9 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
         size[own] = np.max(size[own])
     # What has only begun to slide moves by rounding errors of the others.
     rounding = 2.0 / period * _ROUNDING * sizes[1]
+    for own in modes_of_structures(motion):
+        if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):
+            return None
     change = np.maximum(np.abs(found[1] - found[0]) - rounding, 0.0)
     return found[1], float(np.max(change / np.maximum(size, 1e-300)))
 

@@ -69,7 +69,8 @@ class Variation:
     ----------
     after : array, shape (knots, m, directions)
         How (state, p) right after each knot changes with the first one, in the directions that were
-        asked for; m is the number of states and of free parameters.
+        asked for; m is the number of states and of free parameters. May be NaN between switches
+        if these values were not needed.
     late : array, shape (knots, directions)
         How the time of the event at each knot changes; not a number where there is none.
     piece : array of int, shape (knots,)
@@ -105,7 +106,12 @@ class Variation:
         return self.after[-1]
 
 
-def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None = None) -> Variation:
+def variation(
+    trajectory: Trajectory,
+    pieces: Pieces,
+    directions: Array | None = None,
+    between: bool = True,
+) -> Variation:
     """First variation along a motion.
 
     Parameters
@@ -116,8 +122,11 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         Changes of the first (state, p); by default every component by itself. They have to keep the
         constraints of the first mode: what sticks is not pushed, what slides without mass stays on
         its threshold.
+    between : bool
+        Whether changes are needed at all knots; if False, they may be NaN except where pieces
+        begin, and at the end.
     """
-    run = _prepared(trajectory, pieces, directions, modal=True)
+    run = _prepared(trajectory, pieces, directions, 1 if between else 2)
     listed = pieces.listed
     problem = trajectory._problem
     work = _work(trajectory, pieces, run, 2 * STAGES * len(run.piece))
@@ -165,15 +174,13 @@ def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of parts of each step in which linear motions are resolved by a Gauss rule."""
-    run = _prepared(trajectory, pieces, None)
+    run = _prepared(trajectory, pieces, None, 0)
     rows = trajectory._problem.rows
     resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
     return np.abs(run.parts[:-1])
 
 
-def _prepared(
-    trajectory: Trajectory, pieces: Pieces, directions: Array | None, modal: bool = False
-) -> Pass:
+def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, modal: int) -> Pass:
     """The motion as the compiled pass takes it, with the changes of its first state."""
     k = trajectory.knots
     number = pieces.numbers(k.mode, k.region)
@@ -186,7 +193,7 @@ def _prepared(
         trajectory._seen,
         float(k.origin),
         float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)),
-        int(modal),
+        modal,
         number,
         np.ones(len(number), np.int64),
         after,

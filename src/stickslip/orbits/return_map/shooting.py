@@ -218,7 +218,7 @@ class Leg:
         Where it starts.
     change : Variation
         Its directions are those of the station's coordinates, then a later start, then the
-        parameter.
+        parameter. Between switches it may be NaN.
     rate : array
         Rates at its end.
     """
@@ -228,7 +228,15 @@ class Leg:
     place: Place
     motion: Trajectory
     change: Variation
+    pieces: Pieces
     rate: Array
+
+    @cached_property
+    def varied(self) -> Variation:
+        """The change with its values between switches."""
+        if not np.any(np.isnan(self.change.after[:, 0])):
+            return self.change
+        return variation(self.motion, self.pieces, self.change.after[0])
 
 
 @dataclass(frozen=True)
@@ -516,9 +524,9 @@ class Shooting:
             directions = np.vstack([directions, np.zeros(directions.shape[1])])
             directions = np.column_stack([directions, np.append(place.by_parameter, 1.0)])
         motion = follow_state(problem, *times, place.state)
-        change = variation(motion, self.pieces, directions)
+        change = variation(motion, self.pieces, directions, between=False)
         rate = change.pieces[-1].rates(times[1], motion.knots.state[-1], p)
-        return Leg(station.part, end, place, motion, change, rate)
+        return Leg(station.part, end, place, motion, change, self.pieces, rate)
 
     def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
         """A leg ends where the next one begins; its equations stand in the rows of the coordinates
@@ -560,7 +568,7 @@ class Shooting:
                 F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
                 J[home] -= np.outer(along, 2.0 * (row @ J[home]))
                 continue
-            touch = nearest_slip(held, [(leg.motion, leg.change) for leg in legs], self.pieces)
+            touch = nearest_slip(held, [(leg.motion, leg.varied) for leg in legs], self.pieces)
             own = slice(*self.first[touch.leg : touch.leg + 2])
             q = len(touch.slopes) - 1 - bool(self.free)
             F[home] += along * reach * touch.margin

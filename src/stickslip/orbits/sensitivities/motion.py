@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
+_NOTHING = 1e-12  # an unknown below this part of the sum of its terms is zero
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
 
 
@@ -153,8 +154,8 @@ def sensitivities(
     Parameters
     ----------
     names : sequence of str
-        Parameters; and components of the state, for their initial values. Without any, only the
-        quantities are told.
+        Parameters; and components of the state, or unknowns of structures, for their initial
+        values. Without any, only the quantities are told.
     times : array, optional
         By default 201 of them, evenly.
     of : sequence of str, optional
@@ -204,7 +205,8 @@ def follow(
     trajectory, fine : Trajectory
         The motion, and the same with more knots, at which the variation is told.
     names : sequence of str
-        Parameters; and components of the state, for their initial values.
+        Parameters; and components of the state, or unknowns of structures, for their initial
+        values.
     start, touching
         As of :func:`sensitivities`.
 
@@ -215,26 +217,14 @@ def follow(
     """
     problem = trajectory._problem
     state = tuple(problem.compiled.layout.state)
-    for name in names:
-        if name not in (*trajectory.parameters, *state):
-            known = [*trajectory.parameters, *state]
-            if row := trajectory.system.unknown(name):
-                raise DeclarationError(
-                    f"sensitivity: {name}",
-                    "a degree of freedom of a structure; the state has its modes",
-                    f"Use the amplitudes of modes, such as {next(iter(row))}",
-                )
-            raise DeclarationError(
-                f"sensitivity: {name}",
-                "unknown parameter or part of the state",
-                suggestion(name, known),
-            )
-    free = tuple(dict.fromkeys(name for name in names if name not in state))
+    slopes = [_start_slope(trajectory, name) for name in names]
+    free = tuple(dict.fromkeys(x for slope in slopes for x in slope if x not in state))
     pieces = _pieces_of(trajectory, free)
-    columns = [*state, *free]
+    columns = {name: i for i, name in enumerate((*state, *free))}
     directions = np.zeros((len(columns), len(names)))
-    for j, name in enumerate(names):
-        directions[columns.index(name), j] = 1.0
+    for j, slope in enumerate(slopes):
+        for x, value in slope.items():
+            directions[columns[x], j] = value
     if start is not None:
         directions[: len(state)] += start
     refused = _begin(trajectory, pieces, directions)
@@ -247,6 +237,28 @@ def follow(
     if touching:
         missing += touched(trajectory, pieces)
     return Followed(found, sorted(missing))
+
+
+def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
+    """Derivative of the first state, or of the parameters, with respect to an initial value, or a
+    parameter, by name.
+
+    Raises
+    ------
+    DeclarationError
+        If the name is unknown.
+    """
+    if name in trajectory.parameters:
+        return {name: 1.0}
+    slope = trajectory.system.start_slope(name, "sensitivity")
+    if not slope:
+        known = [*trajectory.parameters, *trajectory.system.declaration.state]
+        raise DeclarationError(
+            f"sensitivity: {name}",
+            "unknown parameter or part of the state",
+            suggestion(name, known),
+        )
+    return slope
 
 
 def at_events(
@@ -522,7 +534,8 @@ def second_opinion(found: Sensitivity) -> Array:
     def values(name: str, change: float) -> Array:
         given, begin = dict(motion.parameters), dict(start)
         target = given if name in given else begin
-        target[name] += change
+        for x, slope in _start_slope(motion, name).items():
+            target[x] += slope * change
         moved = simulate(system, span, initial=begin, parameters=given, rtol=1e-12)
         if not moved.outcome.ok:
             return np.full(found.values.shape, np.nan)
@@ -531,8 +544,10 @@ def second_opinion(found: Sensitivity) -> Array:
 
     slopes = np.empty_like(found.slopes)
     for j, name in enumerate(found.names):
-        size = abs(motion.parameters.get(name, start.get(name, 0.0)))
-        h = _DIFFERENCE * (size or 1.0)
+        row = motion.system.unknown(name) or {name: 1.0}
+        terms = [w * {**start, **motion.parameters}[x] for x, w in row.items()]
+        size = abs(sum(terms))
+        h = _DIFFERENCE * (size if size > _NOTHING * sum(map(abs, terms)) else 1.0)
         rough, fine = (
             (values(name, s * h) - values(name, -s * h)) / (2 * s * h) for s in (1.0, 0.5)
         )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError, StickslipError
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.branches.chart import NOT_CLOSED
@@ -40,6 +40,7 @@ from stickslip.orbits.return_map.shooting import (
     parameter_values,
 )
 from stickslip.orbits.studies.self_excitation import EXCITATION, LinearMode
+from stickslip.orbits.studies.swinging import Swinging, ValuesAndRates
 from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ _STRONGEST = 20.0  # growth rate of the guess, in a period
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
+_UNMOVED = 1e-12  # a smaller part of the sum of the terms is rounding error
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
 
 
@@ -80,32 +82,52 @@ class Amplitudes:
     ----------
     system : System
         A self-excited one.
-    coordinate : str
+    swinging : Swinging
         Whose amplitude it is.
+
+    Raises
+    ------
+    DeclarationError
+        If small oscillations of the mode do not change the quantity.
     """
 
     def __init__(
-        self, system: System, values: Mapping[str, float], mode: LinearMode, coordinate: str
+        self, system: System, values: Mapping[str, float], mode: LinearMode, swinging: Swinging
     ) -> None:
         self.system = system
         self.mode = mode
-        self.coordinate = coordinate
-        weights = system.unknown(coordinate) or {coordinate: 1.0}
-        places = system.declaration.places
-        self.row: Array = np.zeros(len(places))
-        self.rates: Array = np.zeros(len(places))
-        for x, w in weights.items():
-            self.row[places[x]] = self.rates[places[f"d_{x}"]] = w
+        self.swinging = swinging
         self.problem: Problem = pose(system, {**values, EXCITATION: 0.0})
         self.pieces = Pieces(self.problem.compiled.equations, EXCITATION)
         self._given = Pieces(self.pieces.equations)
         self._latest: tuple[Orbit, Cycle] | None = None
-        self.share = float(self.row[: len(mode.shape)] @ mode.shape)
+        self.share = self._share()
 
     def amplitude(self, orbit: Orbit) -> float:
         """Half the range of the coordinate."""
-        low, high, _ = _ends(orbit.motion, self.row, self.rates)
+        low, high, _ = _ends(orbit.motion, self.swinging.along(orbit.motion))
         return 0.5 * (high - low)
+
+    def _share(self) -> float:
+        """Amplitude of the quantity relative to that of the mode, for small amplitudes."""
+        mode, n = self.mode, len(self.mode.shape)
+        names = self.system.declaration.inertial
+        rest = dict(zip(names, map(float, mode.rest), strict=True))
+        still = self.problem.initial_state({**rest, **{f"d_{x}": 0.0 for x in names}})
+        slopes = self.swinging.gradient(still, self.problem.parameters)
+        by_place = float(slopes[:n] @ mode.shape)
+        by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
+        size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
+        size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
+        share = np.hypot(by_place, by_rate)
+        if not share > _UNMOVED * size:
+            raise DeclarationError(
+                "of",
+                f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "
+                f"change '{short(self.swinging.name)}'",
+                "Choose another quantity, or another mode",
+            )
+        return float(np.copysign(share, by_place))
 
     # -- the first one -----------------------------------------------------------------------------
 
@@ -267,9 +289,9 @@ class Amplitudes:
     def slopes(self, shooting: Shooting, orbit: Orbit) -> Array:
         """Derivative of the amplitude by the unknowns: where the coordinate turns, a later time
         changes nothing."""
-        _, _, at = _ends(orbit.motion, self.row, self.rates)
+        _, _, at = _ends(orbit.motion, self.swinging.along(orbit.motion))
         gradient = np.zeros(len(orbit.x))
-        n = len(self.row)
+        n = len(self.swinging.state)
         p = parameter_values(orbit.problem)
         for sign, t in zip((-0.5, 0.5), at, strict=True):
             j = max(
@@ -282,10 +304,13 @@ class Amplitudes:
             columns = np.column_stack([place.directions, later, place.by_parameter])
             columns = np.vstack([columns, np.zeros(columns.shape[1])])
             columns[n, -1] = 1.0
+            state = place.state
             if t > start:
-                motion = follow_state(orbit.problem, start, t, place.state)
+                motion = follow_state(orbit.problem, start, t, state)
+                state = motion.knots.state[-1]
                 columns = variation(motion, shooting.pieces, columns).matrix
-            change = sign * (self.row @ columns[:n])
+            slopes = self.swinging.gradient(state, orbit.problem.parameters)
+            change = sign * (slopes @ columns[:n])
             own = slice(*shooting.first[j : j + 2])
             gradient[own] += change[:-2]
             gradient[shooting.time] += leg.begin * change[-2]
@@ -306,8 +331,8 @@ class Amplitudes:
         if slope == 0.0:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
-                f"the amplitude of {self.coordinate} does not change along it",
-                "Choose another coordinate",
+                f"the amplitude of {self.swinging.name} does not change along it",
+                "Choose another quantity",
             )
         return tangent, slope
 
@@ -405,24 +430,21 @@ def _check(shooting: Shooting, orbit: Orbit) -> None:
         raise ConvergenceError("a backbone", "the cycle ends in another mode", "Use smaller steps")
 
 
-def _ends(motion: Trajectory, row: Array, rates: Array) -> tuple[float, float, tuple[float, float]]:
-    """Least and largest value of a linear form of the state, whose rate is another one, and when
-    they are reached."""
+def _ends(motion: Trajectory, along: ValuesAndRates) -> tuple[float, float, tuple[float, float]]:
+    """Least and largest value of an oscillating quantity, and when they are reached."""
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     share = np.linspace(0.0, 1.0, _SAMPLES)
     index = np.repeat(steps, _SAMPLES)
     times = (k.time[steps, None] + np.diff(k.time)[steps, None] * share).ravel()
-    states = motion._states_at(times, index)
-    values, slopes = states @ row, states @ rates
+    values, slopes = along(times - k.origin, index)
     (at,) = np.nonzero((np.sign(slopes[:-1]) * np.sign(slopes[1:]) < 0.0) & (np.diff(index) == 0))
     a, b, f, g = times[at], times[at + 1], slopes[at], slopes[at + 1]
     seen = [(times, values)]
     for _ in range(_REFINED if len(at) else 0):
         middle = (a * g - b * f) / (g - f)
-        states = motion._states_at(middle, index[at])
-        h = states @ rates
-        seen.append((middle, states @ row))
+        value, h = along(middle - k.origin, index[at])
+        seen.append((middle, value))
         left = np.sign(h) == np.sign(
             f
         )  # the turn is on the other side; what stays counts half (Illinois)

@@ -24,11 +24,18 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, suggestion
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.entries.units import with_unit
-from stickslip.model.quantities import contact_key, described, described_as, per_time, quantity
+from stickslip.model.quantities import (
+    contact_key,
+    described,
+    described_as,
+    per_time,
+    quantity_or_formula,
+)
 from stickslip.model.system import System
 from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.over_period import harmonics_of
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
@@ -38,6 +45,7 @@ from stickslip.orbits.studies.self_excitation import (
     linear_modes,
     self_excited,
 )
+from stickslip.orbits.studies.swinging import Swinging, read_swinging
 from stickslip.progress import watched
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.stopping.scopes import TimeUp, limited
@@ -48,6 +56,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SAMPLES = 64  # of a period, and around the highest of them
+_HARMONICS_KNOWN = 1e-9  # relative to the largest value
 _AGREES = 1e-8  # to which the amplitude is that which is wanted
 
 
@@ -60,17 +69,17 @@ class Backbone(Result):
     system : System
     parameters : dict of str to float
     coordinate : str
-        The coordinate of the amplitude.
+        The quantity of the amplitude: a name or a formula.
     mode : int
         Number of the linear mode at which the backbone starts; 1 is the lowest.
     linear_frequency : float
         Angular frequency of that mode, with sticking sliders.
     dataset : xarray.Dataset
-        Over ``point``, by increasing ``amplitude`` (half the range of the coordinate):
+        Over ``point``, by increasing ``amplitude`` (half the range of the quantity):
         ``frequency`` ω, ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the
         largest kinetic energy), ``dissipated`` per period, ``dissipated_…`` in each contact,
         ``stick`` (fraction of the period in which all contacts stick), ``slips`` (0 where no
-        contact slips), ``harmonic`` (of the coordinate, its modulus).
+        contact slips), ``harmonic`` (of the quantity, its modulus).
     notes : list of str
         Amplitudes at which no cycle was found, and why.
     complete, time_up : bool
@@ -232,7 +241,7 @@ def backbone(
     system: System,
     amplitudes: tuple[float, float],
     *,
-    coordinate: str | None = None,
+    of: str | None = None,
     mode: int = 1,
     parameters: Mapping[str, float] | None = None,
     points: int = 30,
@@ -247,10 +256,12 @@ def backbone(
         A system with a constant mass matrix and without a drive: set the amplitude of a drive to
         zero, or configure the drive as 0.
     amplitudes : (float, float)
-        Smallest and largest amplitude, positive. The amplitude is half the range of the coordinate.
-    coordinate : str, optional
-        An inertial coordinate, or an unknown of a structure, such as ``"u[tip]"``; by default the
-        first inertial coordinate.
+        Smallest and largest amplitude, positive. The amplitude is half the range of the quantity.
+    of : str, optional
+        Quantity of the amplitude: an inertial coordinate or its rate, a degree of freedom of a
+        structure, such as ``"u[tip]"``, an output, or a formula of these without kinks, such as
+        ``"u[tip] - u[root]"``; by default the first inertial coordinate, or the first named degree
+        of freedom.
     mode : int
         Number of the linear mode to start from; 1 is the lowest. For the linear mode, sliders
         behind springs stick, and contacts of coordinates with mass are omitted.
@@ -270,8 +281,8 @@ def backbone(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, the system depends on time, the state jumps, or the mass matrix is
-        not constant.
+        If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
+        not constant, or small oscillations of the mode do not change the quantity.
     ConvergenceError
         If no cycle is found at any amplitude.
 
@@ -292,14 +303,14 @@ def backbone(
     if isinstance(points, bool) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     excited = self_excited(system, values)
-    coordinate = _checked_coordinate(system, coordinate)
+    swinging = read_swinging(system, of, {**system.values, **values})
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
             "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
-    seeker = Amplitudes(excited, values, chosen, coordinate)
+    seeker = Amplitudes(excited, values, chosen, swinging)
     wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
@@ -314,22 +325,7 @@ def backbone(
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
-    return _result(system, values, coordinate, mode, chosen, work, ended)
-
-
-def _checked_coordinate(system: System, coordinate: str | None) -> str:
-    """An inertial coordinate, or an unknown of a structure."""
-    inertial = system.declaration.inertial
-    own = [x for x in system.coordinates if x in inertial]
-    unknowns = [x for x in system.places if system.unknown(x)]
-    if coordinate is None:
-        return [*own, *unknowns, *inertial][0]
-    if coordinate not in inertial and not (
-        coordinate[:2] != "d_" and system.unknown(coordinate).keys() & set(inertial)
-    ):
-        known = suggestion(coordinate, [*own, *unknowns])
-        raise DeclarationError("coordinate", f"there is no '{coordinate}' with a mass", known)
-    return coordinate
+    return _result(system, values, mode, work, ended)
 
 
 class _Work:
@@ -398,31 +394,37 @@ def _order(count: int) -> list[int]:
 def _result(
     system: System,
     values: dict[str, float],
-    coordinate: str,
     mode: int,
-    linear: LinearMode,
     work: _Work,
     ended: BaseException | None,
 ) -> Backbone:
     """Everything that was found, as one result."""
     import xarray as xr
 
+    swinging, linear = work.seeker.swinging, work.seeker.mode
     found = [work.found[i] for i in sorted(work.found)]
-    table = [_measured(system, coordinate, linear, one) for one in found]
-    attributes = _attributes(system, coordinate)
+    harmonics = [_harmonic(one.cycle, swinging) for one in found]
+    table = [
+        {**_measured(system, linear, one), "harmonic": abs(c)}
+        for one, (c, _) in zip(found, harmonics, strict=True)
+    ]
+    attributes = _attributes(system, swinging.name)
     data = {
         name: ("point", np.array([row[name] for row in table]), attributes.get(name, {}))
         for name in table[0]
     }
     data["slips"] = ("point", data["slips"][1].astype(np.int8), data["slips"][2])
-    about = {"title": system.title or system.name, "coordinate": coordinate, "mode": mode}
+    about = {"title": system.title or system.name, "coordinate": swinging.name, "mode": mode}
     certificate = worst([one.cycle.certificate for one in found])
     missed = max(
         abs(row["amplitude"] / one.amplitude - 1.0) for row, one in zip(table, found, strict=True)
     )
     own = Residual("amplitudes", missed, _AGREES, note="relative to those that were wanted")
+    known = max(error for _, error in harmonics)
+    note = "change by the last halving of the panels"
+    waves = Residual("first harmonics", known, _HARMONICS_KNOWN, note=note)
     certificate = Certificate(
-        (*certificate.residuals, own),
+        (*certificate.residuals, own, waves),
         certificate.outcome,
         certificate.unverified,
         certificate.notes,
@@ -430,7 +432,7 @@ def _result(
     return Backbone(
         system,
         values,
-        coordinate,
+        swinging.name,
         mode,
         linear.frequency,
         xr.Dataset(data, attrs=about),
@@ -441,9 +443,7 @@ def _result(
     )
 
 
-def _measured(
-    system: System, coordinate: str, linear: LinearMode, one: AtAmplitude
-) -> dict[str, float]:
+def _measured(system: System, linear: LinearMode, one: AtAmplitude) -> dict[str, float]:
     """What is said of a cycle."""
     cycle = one.cycle
     frequency = 2.0 * np.pi / cycle.period
@@ -465,14 +465,15 @@ def _measured(
         **of_contacts,
         "stick": cycle.stick_time / cycle.period,
         "slips": float(slips),
-        "harmonic": abs(_harmonic(cycle, coordinate)),
     }
 
 
-def _harmonic(cycle: Cycle, coordinate: str) -> complex:
-    """The first harmonic of a coordinate, or of an unknown of a structure."""
-    row = cycle.system.unknown(coordinate) or {coordinate: 1.0}
-    return sum((w * cycle.harmonic[x] for x, w in row.items()), 0j)
+def _harmonic(cycle: Cycle, swinging: Swinging) -> tuple[complex, float]:
+    """The first harmonic of the quantity, and the change by the last halving of the panels of what
+    does not follow from the harmonics of the state."""
+    asked = {swinging.name: swinging.value}
+    found, errors = harmonics_of(cycle.trajectory, asked, cycle.harmonic, 1)
+    return found[swinging.name], errors[swinging.name]
 
 
 def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
@@ -495,9 +496,9 @@ def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
     return float(b - (c - a) ** 2 / (8.0 * bend)) if bend < 0.0 else float(b)
 
 
-def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
+def _attributes(system: System, name: str) -> dict[str, dict[str, Any]]:
     """Units and meanings."""
-    x = quantity(system, coordinate)
+    x = quantity_or_formula(system, name)
     time = system.time_unit or "1"
     energy = described(system, "energy_per_cycle")
     unit = energy.get("units")

@@ -1,9 +1,9 @@
 """Ring-downs: how a free vibration decays, half-cycle by half-cycle.
 
-A half-cycle is the motion from one turning point of a coordinate to the next. With its positions
-x₀, x₁, ... and times t₀, t₁, ... there, half-cycle k has the amplitude A_k = |x_{k+1} − x_k|/2 and
-the frequency 1/(2(t_{k+1} − t_k)). From δ = ln(A_k/A_{k+1}) follows the damping ratio
-ζ = δ/√(π² + δ²), exactly for viscous damping.
+A half-cycle is the motion from one turning point of a coordinate, or an output, to the next. With
+its positions x₀, x₁, ... and times t₀, t₁, ... there, half-cycle k has the amplitude
+A_k = |x_{k+1} − x_k|/2 and the frequency 1/(2(t_{k+1} − t_k)). From δ = ln(A_k/A_{k+1}) follows the
+damping ratio ζ = δ/√(π² + δ²), exactly for viscous damping.
 
 References
 ----------
@@ -25,15 +25,16 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.equations.derive import derive
-from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.errors import DeclarationError, short
 from stickslip.model.entries.units import with_unit
-from stickslip.model.quantities import described_as, energy_unit, per_time, quantity
+from stickslip.model.quantities import described_as, energy_unit, per_time, quantity_or_formula
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.equilibria.finding import checked_values
-from stickslip.orbits.studies.turning_points import CoordinateTrace, TurningPoints, turning_points
+from stickslip.orbits.studies.swinging import read_swinging
+from stickslip.orbits.studies.turning_points import SwingTrace, TurningPoints, turning_points
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic import expressions as ex
 
@@ -58,7 +59,7 @@ class RingDown(Result):
     system : System
     parameters : dict of str to float
     coordinate : str
-        The vibrating coordinate.
+        The vibrating quantity: a name or a formula.
     dataset : xarray.Dataset
         Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
         points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
@@ -217,7 +218,7 @@ def ring_down(
     span: tuple[float, float] | None = None,
     *,
     initial: Mapping[str, float] | None = None,
-    coordinate: str | None = None,
+    of: str | None = None,
     parameters: Mapping[str, float] | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-12,
@@ -235,10 +236,11 @@ def ring_down(
         Start and end of the motion; by default the system's own span.
     initial : mapping of str to float, optional
         Initial state; by default the declared one.
-    coordinate : str, optional
-        The vibrating coordinate: an inertial coordinate, or a degree of freedom of a structure,
-        such as ``"u[tip]"``; by default the first inertial coordinate, or the first named degree of
-        freedom.
+    of : str, optional
+        The vibrating quantity: an inertial coordinate or its rate, a degree of freedom of a
+        structure, such as ``"u[tip]"``, an output, or a formula of these without kinks, such as
+        ``"u[tip] - u[root]"``; by default the first inertial coordinate, or the first named degree
+        of freedom.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
@@ -259,7 +261,8 @@ def ring_down(
     Raises
     ------
     DeclarationError
-        If an argument is wrong, the system is driven, or the coordinate has no mass.
+        If an argument is wrong, the system is driven, or the quantity has kinks, may jump, or
+        depends on a coordinate without mass.
 
     Examples
     --------
@@ -278,7 +281,7 @@ def ring_down(
     True
     """
     values = checked_values(system, parameters)
-    named = _coordinate(system, coordinate)
+    swinging = read_swinging(system, of, values)
     _check_free(system, values)
     start, end = system.span if span is None else span
     if not (np.isfinite(start) and np.isfinite(end) and start < end):
@@ -296,10 +299,8 @@ def ring_down(
         time_limit=time_limit,
         progress=progress,
     )
-    followed = CoordinateTrace(
-        motion, *(_weights(motion, system, prefix + named) for prefix in ("", "d_"))
-    )
-    turns, notes = _kept(turning_points(followed), named, motion)
+    trace = SwingTrace(motion, swinging.along(motion))
+    turns, notes = _kept(turning_points(trace), swinging.name, motion)
     fault = Residual(
         "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest"
     )
@@ -307,8 +308,8 @@ def ring_down(
     return RingDown(
         system,
         motion.parameters,
-        named,
-        _dataset(motion, named, turns),
+        swinging.name,
+        _dataset(trace, swinging.name, turns),
         turns.stops,
         notes,
         replace(own, residuals=(*own.residuals, fault)),
@@ -321,31 +322,6 @@ def ring_down(
 def _arrived(outcome: Outcome) -> bool:
     """Whether a motion came to its end, or to rest for good."""
     return outcome.ok or outcome is Outcome.AT_REST
-
-
-def _coordinate(system: System, name: str | None) -> str:
-    """The coordinate that is followed, which has a mass."""
-    inertial = list(system.declaration.inertial)
-    declared = [x for x in inertial if x in system.coordinates]
-    shown = [x for x in system.places if x not in system.coordinates]
-    if name is None:
-        known = [*declared, *shown, *inertial]
-        if not known:
-            raise DeclarationError(
-                system.name, "no coordinate has a mass", "Declare an inertial coordinate"
-            )
-        return known[0]
-    if name in inertial or (name[:2] != "d_" and system.unknown(name)):
-        return name
-    others = {*system.places, *system.declaration.state} - {f"d_{x}" for x in inertial}
-    if name in others:
-        raise DeclarationError(
-            "coordinate",
-            f"'{short(name)}' has no mass and does not oscillate by itself",
-            suggestion("", [*declared, *shown] or inertial),
-        )
-    known = suggestion(name.removeprefix("d_"), [*declared, *shown] or inertial)
-    raise DeclarationError("coordinate", f"unknown coordinate '{short(name)}'", known)
 
 
 def _check_free(system: System, values: Mapping[str, float]) -> None:
@@ -388,16 +364,6 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
     )
 
 
-def _weights(motion: Trajectory, system: System, name: str) -> Array:
-    """What a coordinate, or its rate, is of the components of the state."""
-    state = list(motion._problem.compiled.layout.state)
-    row = {name: 1.0} if name in state else system.unknown(name)
-    weights = np.zeros(len(state))
-    for part, weight in row.items():
-        weights[state.index(part)] = weight
-    return weights
-
-
 def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningPoints, list[str]]:
     """The turning points between which amplitudes are well above the accuracy, and what is to be
     said of them."""
@@ -424,10 +390,11 @@ def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningP
     return turns, notes
 
 
-def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Dataset:
+def _dataset(trace: SwingTrace, name: str, turns: TurningPoints) -> xarray.Dataset:
     """Half-cycles, turning points, and the motion."""
     import xarray as xr
 
+    motion = trace.motion
     system, k = motion.system, motion.knots
     time = turns.clock + k.origin
 
@@ -443,9 +410,8 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
     between = np.full(len(amplitude), np.nan)
     between[:-1] = np.sqrt(amplitude[:-1] * amplitude[1:])
     shown = np.union1d(np.linspace(k.clock[0], k.clock[-1], _SAMPLES + 1), turns.clock)
-    states = motion._states_on_clock(shown, steps(shown))
-    position = states @ _weights(motion, system, name)
-    x = quantity(system, name)
+    position, _ = trace(shown, steps(shown))
+    x = quantity_or_formula(system, name)
     energy = energy_unit(system)
     meaning = x["long_name"]
     when = system.time_unit or "1"

@@ -1,4 +1,4 @@
-"""Turning points of a coordinate: where its velocity changes its sign, or it comes to rest.
+"""Turning points of an oscillating quantity: its velocity changes sign, or it comes to rest.
 
 Between two knots a motion is smooth. It is sampled there until the cubic through neighbouring
 positions and velocities meets the motion between them, so that no swing is stepped over; the roots
@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.studies.swinging import ValuesAndRates
 
 _PIECES = 8  # of a step, at first
 _PIECES_OF_ALL = 256  # of the whole motion, at first
@@ -27,23 +28,21 @@ _ROOT = 4.0 * np.finfo(float).eps  # relative
 
 
 @dataclass(frozen=True)
-class CoordinateTrace:
-    """A coordinate and its rate along a motion, each a sum of components of the state.
+class SwingTrace:
+    """An oscillating quantity along a motion.
 
     Attributes
     ----------
-    position, velocity : array, shape (n,)
-        Weights of the components.
+    along : callable
+        Values and rates of the quantity at times since the origin, within the steps of knots.
     """
 
     motion: Trajectory
-    position: Array
-    velocity: Array
+    along: ValuesAndRates
 
     def __call__(self, clock: Array, step: AnyArray) -> tuple[Array, Array]:
         """Positions and velocities at times since the origin, within the steps of knots."""
-        states = self.motion._states_on_clock(clock, step)
-        return states @ self.position, states @ self.velocity
+        return self.along(clock, step)
 
     def roots(self, step: AnyArray, low: Array, high: Array) -> Array:
         """Where the velocity is zero between two times of each of some steps at which its signs
@@ -62,7 +61,7 @@ class CoordinateTrace:
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Where a coordinate turns.
+    """Where a quantity turns.
 
     Attributes
     ----------
@@ -88,8 +87,8 @@ class TurningPoints:
     fades: bool
 
 
-def turning_points(followed: CoordinateTrace) -> TurningPoints:
-    """All turning points of a coordinate, in their order."""
+def turning_points(followed: SwingTrace) -> TurningPoints:
+    """All turning points of an oscillating quantity, in their order."""
     k = followed.motion.knots
     step, clock, x, v = _samples(followed)
     largest = float(np.max(np.abs(v), initial=0.0))
@@ -126,14 +125,14 @@ def turning_points(followed: CoordinateTrace) -> TurningPoints:
     return TurningPoints(clocks, places, rested, fault, stops and rests > 0.0, fades)
 
 
-def _switched(followed: CoordinateTrace, step: int, clock: float) -> bool:
+def _switched(followed: SwingTrace, step: int, clock: float) -> bool:
     """Whether a time is that of a switch: what fades away never comes to rest."""
     k = followed.motion.knots
     knot = step + 1 if clock == k.clock[step + 1] else step
     return bool(clock == k.clock[knot] and k.cause[knot] >= 0)
 
 
-def _samples(followed: CoordinateTrace) -> tuple[AnyArray, Array, Array, Array]:
+def _samples(followed: SwingTrace) -> tuple[AnyArray, Array, Array, Array]:
     """Step, time, position and velocity at times between which the motion is a cubic, nearly.
 
     Both limits at every knot are among them.

@@ -135,6 +135,7 @@ def read_axes(
             raise DeclarationError(f"over.{name}", "it varies along two axes", "Give it once only")
     for axis in axes:
         _check_values(system, axis)
+    system.check_starts(names, "over")
     _check_corners(system, axes)
     if math.prod(len(axis) for axis in axes) > _MOST_POINTS:
         raise DeclarationError(
@@ -340,14 +341,7 @@ def _check_values(system: System, axis: Axis) -> None:
             # the admissible set is an interval
             for value in (float(np.min(column)), float(np.max(column))):
                 declaration.check_range(name, value)
-        elif system.unknown(name):
-            mode = next(iter(system.unknown(name)))
-            raise DeclarationError(
-                f"over.{short(name)}",
-                "a degree of freedom of a structure; the state has its modes",
-                f"Vary the amplitude of a mode, such as {mode}",
-            )
-        elif name not in declaration.state:
+        elif not system.start_slope(name, "over"):
             known = ", ".join([*system.parameters, *declaration.state])
             raise DeclarationError(
                 f"over.{short(name)}",

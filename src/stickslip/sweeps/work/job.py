@@ -168,9 +168,8 @@ def _side_by_side(
     count = len(next(iter(columns.values())))
     parameters = {name: values for name, values in columns.items() if name in system.parameters}
     initial = {name: np.full(count, value) for name, value in work.initial}
-    initial |= {
-        name: values for name, values in columns.items() if name in system.declaration.state
-    }
+    initial |= {name: values for name, values in columns.items() if system.start_slope(name)}
+    initial = system.started(initial)
     origin = system.span[0]
     if begun is not None:
         origin, state = begun

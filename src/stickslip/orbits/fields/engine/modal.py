@@ -45,7 +45,11 @@ PADE_REACH = 1.5
 """Largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 rounding there."""
 MANY = 8
-"""Collocation steps that one step by eigenvalues is worth."""
+"""Collocation steps that cost as much as one step by eigenvalues, including a part of the
+decomposition."""
+LARGE = 16
+"""Number of states from which every step longer than a collocation step is taken by eigenvalues,
+because the exponential of a matrix costs several times as much."""
 _SMOOTH = 0.25  # largest frequency of the loads × step of an interpolation
 _FINE = 24  # Gauss nodes by which integrals of slow exponentials are found
 _FAST = 12.0  # |z| from which on they follow from a recurrence
@@ -71,7 +75,8 @@ _LEFT, _WEIGHED, _COEFFICIENTS = _legendre()
 @compiled(inline=True)
 def spans_many(listed: Listed, run: Pass, w: int, h: float) -> bool:
     """Whether a step is worth being taken by eigenvalues."""
-    return bool(h * max(run.drives, listed.spectra.rate[w]) > MANY * PADE_REACH)
+    many = MANY if run.knots.state.shape[1] < LARGE else 1
+    return bool(h * max(run.drives, listed.spectra.rate[w]) > many * PADE_REACH)
 
 
 @compiled(inline=True)
@@ -161,8 +166,8 @@ def modal_component(
 
 
 @compiled(brief=True)
-def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
-    """Put what each parameter adds in the step from a knot, in eigenvectors, into `driven`."""
+def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int, until: int) -> None:
+    """Put what each parameter adds between two knots, in eigenvectors, into `driven`."""
     s = listed.spectra
     w = run.piece[i]
     n = len(run.knots.state[i])
@@ -170,7 +175,7 @@ def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
     count = s.blocks[w]
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
     begin = time_of(run, i)
-    length = time_of(run, i + 1) - begin
+    length = time_of(run, until) - begin
     parts = max(1, math.ceil(length * run.drives / _SMOOTH))
     h = length / parts
     for b in range(count):
@@ -191,21 +196,23 @@ def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
                     total += h * work.moments[g, b] * load
                 work.driven[p, b] = total
     if listed.timely[w] == 0:
-        put_loads(listed, run, work, i, parts)
+        put_loads(listed, run, work, i, until, parts)
         for p in range(free):
             put_slopes(listed, run, work, w, p)
-            add_through_state(listed, run, work, i, p)
+            add_through_state(listed, run, work, i, until, p)
 
 
 @compiled(brief=True)
-def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) -> None:
-    """Put ∫ exp((h − s)λ_b) γ_j ds over the step from a knot into `loaded`, of the real and of the
+def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, until: int, parts: int) -> None:
+    """Put ∫ exp((h − s)λ_b) γ_j ds between two knots into `loaded`, of the real and of the
     imaginary part of γ; and ∫ (h − s) exp((h − s)λ_b) γ_j ds into `held`.
 
     Parameters
     ----------
     work : PassSpace
-        With the moments for equal parts of the step.
+        With the moments for equal parts of the time between the knots.
+    i, until : int
+        The knots.
     """
     s = listed.spectra
     w = run.piece[i]
@@ -213,7 +220,7 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) ->
     count = s.blocks[w]
     first, moving, last = listed.guards[w, 0], listed.guards[w, 1], listed.guards[w, 2]
     begin = time_of(run, i)
-    h = (time_of(run, i + 1) - begin) / parts
+    h = (time_of(run, until) - begin) / parts
     for b in range(count):
         for j in range(count):
             for k in range(2):
@@ -299,20 +306,24 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
 
 
 @compiled(brief=True)
-def add_through_state(listed: Listed, run: Pass, work: PassSpace, i: int, p: int) -> None:
-    """Add what a parameter adds through the state, A_p y, in the step from a knot to `driven`.
+def add_through_state(
+    listed: Listed, run: Pass, work: PassSpace, i: int, until: int, p: int
+) -> None:
+    """Add what a parameter adds through the state, A_p y, between two knots to `driven`.
 
     Parameters
     ----------
     work : PassSpace
-        With the loads of the step.
-    i, p : int
-        The knot, and the parameter.
+        With the loads between them.
+    i, until : int
+        The knots.
+    p : int
+        The parameter.
     """
     s = listed.spectra
     w = run.piece[i]
     y = run.knots.state[i]
-    h = time_of(run, i + 1) - time_of(run, i)
+    h = time_of(run, until) - time_of(run, i)
     count = s.blocks[w]
     for b in range(count):
         work.grown[b] = cmath.exp(s.exponent[w, b] * h)
@@ -344,21 +355,25 @@ def add_through_state(listed: Listed, run: Pass, work: PassSpace, i: int, p: int
 
 
 @compiled()
-def modal_step(listed: Listed, run: Pass, work: PassSpace, i: int, change: Array) -> None:
-    """The step from a knot: the change moved by exp(hA), and what the parameters add.
+def modal_step(
+    listed: Listed, run: Pass, work: PassSpace, i: int, until: int, change: Array
+) -> None:
+    """The change between two knots of a piece: moved by exp(hA), and what the parameters add.
 
     Parameters
     ----------
+    i, until : int
+        The knots.
     change : array, shape (columns, directions)
         Before, and after.
     """
     w = run.piece[i]
-    h = time_of(run, i + 1) - time_of(run, i)
+    h = time_of(run, until) - time_of(run, i)
     s = listed.spectra
     columns, directions = change.shape
     n = s.right.shape[2]
     if columns > n:
-        put_forcing(listed, run, work, i)
+        put_forcing(listed, run, work, i, until)
     count = s.blocks[w]
     re, im, moved = work.modal[0], work.modal[1], work.moved
     for b in range(count):

@@ -143,7 +143,7 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
             if listed.steady[w] == 1:
                 run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
                 if (
-                    run.modal == 1
+                    run.modal > 0
                     and listed.spectra.state[w] == RATE_KNOWN
                     and spans_many(listed, run, w, h)
                 ):

@@ -143,7 +143,8 @@ class Pass(NamedTuple):
     drives : float
         Largest frequency of the loads.
     modal : int
-        1 if steps may be taken by eigenvalues.
+        1 if steps may be taken by eigenvalues, 2 if several steps of a piece may be taken as one;
+        the changes in between are then NaN.
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)

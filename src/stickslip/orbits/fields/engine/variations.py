@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import states_at
-from stickslip.motion.steps.arrays import Flow, Machine, is_stopped
+from stickslip.motion.steps.arrays import Flow, Machine, Rows, is_stopped
 from stickslip.orbits.fields.engine.collocation import (
     forced_step,
     gauss_step,
@@ -58,7 +60,7 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
         return
     w = run.piece[i]
     if by_eigenvalues(listed, run, i):
-        modal_step(listed, run, work, i, change)
+        modal_step(listed, run, work, i, i + 1, change)
         return
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
     parts = abs(run.parts[i])
@@ -82,6 +84,24 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
             if part == 0:
                 put_exponential(listed.jacobian[w], work, h, work.squares[2])
             forced_step(listed.jacobian[w], work, h, change)
+
+
+@compiled()
+def last_alike(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> int:
+    """The last knot of a step by eigenvalues from knot i: the end of the piece if the changes in
+    between are not needed, else the next knot."""
+    last = i + 1
+    if run.modal < 2 or not time_of(run, last) > time_of(run, i):
+        return last
+    if not by_eigenvalues(listed, run, i):
+        return last
+    while (
+        last + 1 < len(run.piece)
+        and run.piece[last] == run.piece[i]
+        and not strikes(rows, listed, run, work, last)
+    ):
+        last += 1
+    return last
 
 
 @entry_point()
@@ -124,7 +144,17 @@ def vary(
         if is_stopped(flow.space):
             return HALTED
         if i >= start:
-            flow_through(listed, run, work, i, node)
+            last = last_alike(flow.rows, listed, run, work, i)
+            if last > i + 1:
+                put_matrix(run.after[i], run.after[last])
+                modal_step(listed, run, work, i, last, run.after[last])
+                while i + 1 < last:
+                    node += nodes_of(listed, run, i)
+                    i += 1
+                    for d in range(run.after.shape[2]):
+                        run.after[i, 0, d] = np.nan  # unknown; results computed from it are NaN
+            else:
+                flow_through(listed, run, work, i, node)
         node += nodes_of(listed, run, i)
         i += 1
         if i <= start:
