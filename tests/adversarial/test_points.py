@@ -38,6 +38,10 @@ CHOSEN = [
     ("off centre", 23),
     ("points and lines", 50),
     ("units", 6),
+    # What rests turns.
+    ("points on a line", 35),
+    ("body on a table", 7),
+    ("body on a body", 26),
 ]
 
 
@@ -46,6 +50,32 @@ def test_motion(family: str, seed: int) -> None:
     case = draw(family, seed)
     verdict = points.judge(case)
     assert verdict.kind == AGREED, f"{verdict}\n{case.source()}"
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    [
+        ("points on a line", 14),
+        ("points on a line", 35),
+        ("body on a table", 2),
+        ("body on a table", 7),
+        ("thresholds in time", 14),
+        ("thresholds in time", 33),
+        ("body on a body", 8),
+        ("body on a body", 11),
+        ("body on a body", 26),
+        ("body on a body", 36),
+    ],
+)
+def test_what_rests_while_it_turns(family: str, seed: int) -> None:
+    """Directions turn, forces are not unique, and the least are too large; what then begins to slip
+    moves on a body that turns. Motions end, are certified, and obey the law."""
+    case = draw(family, seed)
+    found = points.simulated(case)
+    assert not isinstance(found, str), found
+    assert found.outcome.ok, f"{found.message}\n{case.source()}"
+    assert found.certificate.ok, f"{found.certificate.verdict}\n{case.source()}"
+    assert points.lawless(case, found)[0] == ""
 
 
 def test_families() -> None:

@@ -79,6 +79,18 @@ def test_a_body_on_points(other: Callable[[Carried], Carried], seed: int) -> Non
     np.testing.assert_allclose(states(other(case)), plain, rtol=0.0, atol=CLOSE * size)
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_point_in_unequal_parts_about_which_a_body_turns(seed: int) -> None:
+    """The larger part holds what the least forces would have the smaller one hold; directions turn
+    with the body meanwhile."""
+    case = made(np.random.default_rng([72, seed]), Shape((Point(),) * 2), s0=1.0, s1=0.15)
+    n = case.numbers | {f"p{a}2": case.numbers[f"p{a}0"] for a in "xy"} | {"s0": 0.93, "s2": 0.07}
+    parts = replace(case, shape=Shape((Point(),) * 3), numbers=n)
+    plain = states(case)
+    size = np.max(np.abs(plain)) + 1e-3
+    np.testing.assert_allclose(states(parts), plain, rtol=0.0, atol=CLOSE * size)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_point_moved_along_its_line(seed: int) -> None:
     """What rests has the same accelerations wherever on the line of its force a point is."""

@@ -11,14 +11,19 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.control_points import (
+    LEAST_PIECE,
+    MOST_CUTS_OF_A_STEP,
+    place_piece,
+    place_point,
+    place_polynomials,
+)
 from stickslip.motion.admissible.overload import (
-    GIVEN_FORCES,
     LEAVES,
     MECHANISM,
     MOVES,
     RADIUS,
     SCRATCH,
-    STEP,
     can_hold,
     fastest_of,
     fits,
@@ -27,12 +32,13 @@ from stickslip.motion.admissible.overload import (
 )
 from stickslip.motion.admissible.sharing import (
     STAYS,
-    given_force,
     grip,
     held_at,
     speed_of,
     sticks_in,
+    turns,
 )
+from stickslip.motion.admissible.turning import first_failure, load_at, turn_to, turned_until
 from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     Flow,
@@ -40,18 +46,12 @@ from stickslip.motion.steps.arrays import (
     inertial_contacts,
     set_mode,
 )
-from stickslip.motion.steps.roots import first_crossing, lowest
-from stickslip.motion.steps.sets import (
-    MOVED,
-    force_terms,
-    holds_all,
-    radius_at,
-    support_at,
-)
+from stickslip.motion.steps.roots import first_crossing
+from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_at
 from stickslip.translator import compiled
 
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
-_MOST_PIECES, _SHORTEST = 200, 1e-5
+_SOON = 1e-3  # fraction of a step
 _JUST_BEFORE = 1e-9  # part of a time by which an earlier one is asked
 _MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
 
@@ -81,7 +81,9 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             space.leaving[c] = STAYS
     if place_polynomials(flow, mode, group):
         return False, 0.0
-    rank = grip(flow, mode, space.W, group)[1]
+    count, rank = grip(flow, mode, space.W, group)
+    if count > rank and turns(flow, mode, group):
+        return find_leaving_turned(flow, mode, group, lack), 1.0
     end = 1.0
     size = 0.0
     leaves = False
@@ -96,10 +98,8 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             if not fails:
                 if place < end:
                     # No more is proved: what rests is asked again there.
-                    for k in range(N):
-                        aside[LEAVES, k] = 0.0
-                    aside[LEAVES, 0] = size = place
-                    aside[LEAVES, 1] = -1.0 / powers[1]
+                    place_end(flow, place)
+                    size = place
                     leaves = True
                 break
             # Where a mechanism just begins, rounding errors decide whether all can be held.
@@ -117,6 +117,80 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             break
         end = root
     return leaves, size
+
+
+@compiled(brief=True)
+def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> bool:
+    """Whether contacts that share their forces leave stick within a step in which their directions
+    turn, and which; their guard is stored in the work space.
+
+    Parameters
+    ----------
+    flow : Flow
+        With control points of the step.
+    mode : array of int, shape (contacts,)
+    lack : float
+        Part of the forces that counts as zero.
+    """
+    d = flow.order - 1
+    over = load_at(flow, mode, group, d, 0.0, lack) - 1.0
+    if over > lack:
+        mark_moving(flow, mode, group, 0.0)
+        place_end(flow, -over)
+        return True
+    start, end = 0.0, 1.0
+    proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
+    if fails == start:
+        # Contacts that have just reached their limit stick if they do so shortly after.
+        start = _SOON
+        proved, fails = turned_until(flow, mode, group, d, start, end, _PROVED)
+        if fails == start:
+            load_at(flow, mode, group, d, start, lack)
+            mark_moving(flow, mode, group, start)
+            place_end(flow, 0.0)
+            return True
+    leaves = False
+    before = _JUST_BEFORE
+    for _ in range(_MOST_CUTS):
+        if not fails <= end:
+            break
+        end, found = first_failure(flow, mode, group, d, proved, fails, lack)
+        if found:
+            mark_moving(flow, mode, group, end)
+            place_end(flow, end)
+            leaves = True
+        end -= before * (end - start)
+        before *= 2.0
+        if not end > proved:
+            break
+        proved, fails = turned_until(flow, mode, group, d, proved, end, _PROVED)
+    if not fails <= end and start < proved < end:
+        # No more is proved: what rests is asked again there.
+        for c in range(flow.rows.sizes[ON_INERTIAL]):
+            if sticks_in(flow.rows, mode, c, group):
+                flow.space.leaving[c] = STAYS
+        place_end(flow, proved)
+        leaves = True
+    return leaves
+
+
+@compiled(brief=True)
+def place_end(flow: Flow, place: float) -> None:
+    """Set the guard to a linear function that vanishes at a fraction of the step."""
+    guard = flow.space.aside[LEAVES]
+    for k in range(flow.order):
+        guard[k] = 0.0
+    guard[0] = place
+    guard[1] = -1.0 / flow.space.powers[1]
+
+
+@compiled(brief=True)
+def mark_moving(flow: Flow, mode: Array, group: int, x: float) -> None:
+    """Mark the contacts of a group that the mechanism in the work space moves at a fraction x of
+    the step."""
+    rank = turn_to(flow, mode, group, x)
+    fastest = fastest_of(flow, mode, group, rank, flow.space.aside[MECHANISM])
+    mark_leaving(flow, mode, group, rank, fastest)
 
 
 @compiled(brief=True)
@@ -204,7 +278,7 @@ def holds_until(
     """
     a = 0.0
     length = end
-    for _ in range(_MOST_PIECES):
+    for _ in range(MOST_CUTS_OF_A_STEP):
         if not a < end:
             return end, False
         b = end if a + 1.01 * length >= end else a + length
@@ -222,104 +296,9 @@ def holds_until(
             length *= 2.0
         else:
             length = 0.5 * (b - a)
-            if length < _SHORTEST * end:
+            if length < LEAST_PIECE * end:
                 break
     return a, False
-
-
-@compiled(brief=True)
-def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
-    """Control points of forces and radii on a step; whether the least forces stay inside their sets
-    by the sizes of their terms alone.
-
-    Parameters
-    ----------
-    flow : Flow
-        With the coefficients and the powers of the step; receives the control points.
-    mode : array of int, shape (contacts,)
-    """
-    rows = flow.rows
-    space = flow.space
-    aside, powers, points = space.aside, space.powers, space.points
-    nc = rows.sizes[ON_INERTIAL]
-    N = flow.order
-    inside = True
-    for c in inertial_contacts(rows):
-        if not sticks_in(rows, mode, c, group):
-            continue
-        for i in directions_of(rows, c):
-            for k in range(N):
-                aside[SCRATCH, k] = held_at(flow, space.W, i, k) * powers[k]
-            lowest(aside[SCRATCH], N - 1, points[i], aside[STEP])
-            aside[GIVEN_FORCES, i] = 0.0
-            for k in range(N):
-                aside[GIVEN_FORCES, i] = max(aside[GIVEN_FORCES, i], abs(points[i, k]))
-        for k in range(N):
-            aside[SCRATCH, k] = radius_at(rows, space.W, c, k) * powers[k]
-        aside[RADIUS, c] = lowest(aside[SCRATCH], N - 1, points[nc + c], aside[STEP])
-        a, b = given_force(flow, c, aside[GIVEN_FORCES])
-        inside = inside and holds_all(flow, c, aside[RADIUS, c], a, b)
-    return inside
-
-
-@compiled(brief=True)
-def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float) -> None:
-    """Control points on [a, b] from those of the whole step.
-
-    Parameters
-    ----------
-    mode : array of int, shape (contacts,)
-    group, d : int
-        The contacts, and the degree.
-    """
-    rows = flow.rows
-    points, piece = flow.space.points, flow.space.piece
-    nc = rows.sizes[ON_INERTIAL]
-    for c in inertial_contacts(rows):
-        if sticks_in(rows, mode, c, group):
-            for i in directions_of(rows, c):
-                cut_out(points, piece, i, d, a, b)
-            cut_out(points, piece, nc + c, d, a, b)
-
-
-@compiled(brief=True)
-def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> None:
-    """Put control point i of forces and radii into the work space.
-
-    Parameters
-    ----------
-    mode : array of int, shape (contacts,)
-    table : array
-        Control points of forces, then of radii.
-    """
-    rows = flow.rows
-    aside = flow.space.aside
-    nc = rows.sizes[ON_INERTIAL]
-    for c in range(nc):
-        if sticks_in(rows, mode, c, group):
-            aside[GIVEN_FORCES, c] = table[c, i]
-            aside[RADIUS, c] = max(table[nc + c, i], 0.0)
-
-
-@compiled(brief=True)
-def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) -> None:
-    """Control points of a polynomial on [a, b], from those on [0, 1] (de Casteljau).
-
-    Parameters
-    ----------
-    row, d : int
-        The row of the polynomial in both, and its degree.
-    """
-    points = target[row]
-    for i in range(d + 1):
-        points[i] = source[row, i]
-    for i in range(d):
-        for j in range(d, i, -1):
-            points[j] = (1.0 - b) * points[j - 1] + b * points[j]
-    share = a / b if b > 0.0 else 0.0
-    for i in range(d):
-        for j in range(d - i):
-            points[j] = (1.0 - share) * points[j] + share * points[j + 1]
 
 
 @compiled(brief=True)
@@ -364,10 +343,15 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
         The first contact of them, and the degree.
     """
     group = flow.rows.group[first]
-    rank = grip(flow, mode, flow.space.W, group)[1]
+    count, rank = grip(flow, mode, flow.space.W, group)
+    turned = count > rank and turns(flow, mode, group)
     lack = least
     while lack < 1.0:
-        place, fails = holds_until(flow, mode, group, rank, d, 1.0, lack)
+        fails = False
+        if turned:
+            place, _ = turned_until(flow, mode, group, d, 0.0, 1.0, lack)
+        else:
+            place, fails = holds_until(flow, mode, group, rank, d, 1.0, lack)
         if place >= 1.0 and not fails:
             return 0.0 if lack == least else lack
         lack *= 10.0

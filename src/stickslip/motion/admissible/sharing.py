@@ -59,11 +59,8 @@ def is_first(rows: Rows, mode: Array, c: int) -> bool:
 
 
 @compiled(brief=True)
-def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
+def find_shared(flow: Flow, mode: Array, table: Array) -> None:
     """Note which contacts share their forces with others: they have one guard together.
-
-    Where directions change on the way while they stick, each contact is asked about the least
-    forces, which is enough for rest, but not necessary.
 
     Parameters
     ----------
@@ -72,8 +69,6 @@ def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
-    lasting : bool
-        Whether a step is meant, and not an instant.
     """
     rows = flow.rows
     leaving = flow.space.leaving
@@ -86,8 +81,7 @@ def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
         if not is_first(rows, mode, first):
             continue
         count, rank = grip(flow, mode, table, group)
-        several = count > rank and not (lasting and turns(flow, mode, group))
-        if several or any_formula(rows, mode, group):
+        if count > rank or any_formula(rows, mode, group):
             for c in range(first, rows.sizes[ON_INERTIAL]):
                 if sticks_in(rows, mode, c, group):
                     leaving[c] = STAYS

@@ -263,7 +263,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     full = False
     sharing = any_share(rows)
     if sharing:
-        find_shared(flow, mode, W, False)
+        find_shared(flow, mode, W)
     for c in rows.openings:
         gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
         if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:

@@ -78,6 +78,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+    direction_entry,
     inertial_friction,
     is_loose,
 )
@@ -91,6 +92,7 @@ from stickslip.motion.steps.sets import (
     rate_terms,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.step_size import fill_powers
 from stickslip.translator import compiled
 
 # In the row RESTS, what others than the force of the mode, which is 0 there, stand for: what is
@@ -469,8 +471,9 @@ def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally
 
 
 @compiled()
-def sample_together(flow: Flow, mode: Array, g: int) -> None:
-    """Keep the forces of contacts that share them, and what these can hold, at a node.
+def sample_together(flow: Flow, mode: Array, piece: StepPiece, g: int) -> float:
+    """Store the forces of contacts that share them, and their radii, at a node; returns the
+    relative deviation of their directions from the polynomials.
 
     Parameters
     ----------
@@ -480,16 +483,29 @@ def sample_together(flow: Flow, mode: Array, g: int) -> None:
     g : int
         The node.
     """
-    space = flow.space
-    nc = flow.rows.sizes[ON_INERTIAL]
+    rows, space = flow.rows, flow.space
+    W, V = space.W, space.V
+    nc = rows.sizes[ON_INERTIAL]
+    x = piece.h * GAUSS_NODES[g] / W[rows.sizes[DIMENSION], 1]
+    found = 0.0
     for c in range(nc):
-        if mode[c] == 0 and space.leaving[c] != ON_ITS_OWN:
-            space.points[c, g] = held_at(flow, space.V, c, 0)
-            space.points[nc + c, g] = radius_at(flow.rows, space.V, c, 0)
+        if mode[c] != 0 or space.leaving[c] == ON_ITS_OWN:
+            continue
+        space.points[c, g] = held_at(flow, V, c, 0)
+        space.points[nc + c, g] = radius_at(rows, V, c, 0)
+        size, off = 0.0, 0.0
+        for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
+            size += abs(direction_entry(rows, flow.k.J, V, c, j))
+            row = rows.turning[c, j]
+            if row >= 0:
+                off += abs(horner(W[row], flow.order - 1, x) - V[row, 0])
+        if off > 0.0:
+            found = most(found, off / size if size > 0.0 else math.inf)
+    return found
 
 
 @compiled()
-def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> None:
+def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tally: Tally) -> None:
     """By how much some forces at least that hold contacts at rest on a piece are too large, where
     they are not unique.
 
@@ -498,6 +514,8 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
     flow : Flow
         With what :func:`sample_together` keeps, and the discs.
     mode : array of int, shape (contacts,)
+    turned : float
+        Relative deviation of the directions from their polynomials at the nodes.
     tally : Tally
         Receives the largest.
     """
@@ -506,6 +524,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
     law = tally.law
     nc = rows.sizes[ON_INERTIAL]
     known = piece.factor < np.inf
+    fill_powers(space.powers, piece.h / space.W[rows.sizes[DIMENSION], 1])
     for first in range(nc):
         if (
             mode[first] != 0
@@ -527,6 +546,30 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
             if known:
                 strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
                 strayed += strays(space.discs[radius_row(rows, c)], piece.factor)
-                loose = max(loose, strayed / force)
+                loose = max(loose, strayed / force + turn_strays(flow, c, piece.factor))
         lack = lacking_part(flow, mode, first, COUNT - 1, least)
+        loose += turned if turned > least else 0.0
         law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])
+
+
+@compiled()
+def turn_strays(flow: Flow, c: int, factor: float) -> float:
+    """Bound of the relative deviation of a direction between the nodes of a piece.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the polynomials and the discs.
+    c : int
+        The direction.
+    factor : float
+        As of :class:`StepPiece`.
+    """
+    rows, space = flow.rows, flow.space
+    size, strayed = 0.0, 0.0
+    for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
+        size += abs(direction_entry(rows, flow.k.J, space.W, c, j))
+        row = rows.turning[c, j]
+        if row >= 0:
+            strayed += strays(space.discs[row], factor)
+    return strayed / size if strayed > 0.0 else 0.0

@@ -290,9 +290,10 @@ def measure_piece(
     give_directions(rows, mode, True)
     sharing = any_share(rows)
     if sharing:
-        find_shared(flow, mode, W, True)
+        find_shared(flow, mode, W)
     put_nodes(flow, piece, 0.0, piece.h)
     slopes_at_nodes(W, piece.order, space.nodes[n], space.samples[:n])
+    turned = 0.0
     for g in range(COUNT):
         weight = piece.h * GAUSS_WEIGHTS[g]
         lost, given = powers_at(machine, flow, piece, mode, reg, piece.h * GAUSS_NODES[g], g)
@@ -302,7 +303,7 @@ def measure_piece(
         sample_residuals(rows, space, piece, y, g, i, steps, tally)
         sample_law(rows, space, mode, reg, piece.acting, g, tally)
         if sharing:
-            sample_together(flow, mode, g)
+            turned = most(turned, sample_together(flow, mode, piece, g))
     give_directions(rows, mode, False)
     for r in range(n):
         largest = 0.0
@@ -317,7 +318,7 @@ def measure_piece(
         try_other_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
     if sharing:
-        judge_together(flow, mode, piece, tally)
+        judge_together(flow, mode, piece, turned, tally)
 
 
 @compiled()

@@ -494,7 +494,7 @@ def scan(
     stopped = has_stopped(rows, settled, fired)
     sharing = any_share(rows)
     if sharing:
-        find_shared(flow, mode, W, True)
+        find_shared(flow, mode, W)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue

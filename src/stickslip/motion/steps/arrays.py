@@ -316,6 +316,8 @@ class Space(NamedTuple):
         :mod:`stickslip.motion.steps.face_onset`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
+    cancelling : array
+        Of those among them whose directions turn; see :mod:`stickslip.motion.admissible.turning`.
     along, supported : arrays
         Vectors, and support functions there; see :mod:`stickslip.motion.steps.sets`.
     span, face, turn, turned, onset : arrays
@@ -378,6 +380,7 @@ class Space(NamedTuple):
     aside: Matrix
     points: Matrix
     piece: Matrix
+    cancelling: Matrix
     leaving: IntVector
     along: Matrix
     supported: Vector
@@ -658,6 +661,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     struck = mq if np.any(rows.gaps >= 0) or mq <= MOST_SHARED else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     sharing = bool(np.any(rows.group >= 0))
+    turning = bool(np.any(rows.turning[rows.group >= 0] >= 0))
     several = nq + 1 if sharing else 0
     bends = bool(np.any(rows.planes[:, BENDS]))
     slips = 2 * len(rows.planes) if sharing or bends else 0
@@ -712,9 +716,10 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         turned_grip=z((mq if sharing else 0, nq)),
         bend=z((several, nq)),
         unbent=z((several, nq)),
-        aside=z((11 if sharing else 0, max(nq, mq, most_points))),
+        aside=z((13 if sharing else 0, max(nq, mq, most_points))),
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
+        cancelling=z((mq * (nq + 1) if turning else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
         along=z((3, 3)),
         supported=z(13 * max(1, int(rows.planes[:, FORMULA].max(initial=-1)) + 1)),

@@ -548,6 +548,20 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
 
 
 @compiled(brief=True)
+def forget_orders(flow: Flow) -> None:
+    """Discard all but the first order of V, β and all directions, once the leading order of Au is
+    known."""
+    aims, onset = flow.space.aims, flow.space.onset
+    for row in range(_BETA, len(onset)):
+        for k in range(1, onset.shape[1]):
+            onset[row, k] = 0.0
+    for p in range(len(flow.rows.planes)):
+        for k in range(1, aims.shape[1] if begins_in(flow, p) else 0):
+            for row in (N_, M_, RHO, OX, OY):
+                aims[AIMS * p + row, k] = 0.0
+
+
+@compiled(brief=True)
 def aim_order_together(flow: Flow, rank: int, m: int) -> None:
     """Order m of V, and the order of β that it tells.
 
@@ -604,9 +618,9 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
             leading = find_in_face(flow, rank, others, m, leading, size)
             if leading < 0:
                 return
-        elif leading > 0:
+        elif leading > 0 and last >= 0:
             onset[_BETA, last] += onset[_SOLVED, rank]
-        elif abs(onset[_SOLVED, rank]) > NEGLIGIBLE * size and m < MOST_LEADING:
+        elif leading == 0 and abs(onset[_SOLVED, rank]) > NEGLIGIBLE * size and m < MOST_LEADING:
             leading = m + 1
             onset[_BETA, 0] = onset[_SOLVED, rank]
     for p in range(len(rows.planes)):
@@ -646,6 +660,8 @@ def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size:
             way[r] += onset[_SOLVED, rank + i] * face[others + i, r]
         length += way[r] * way[r]
     length = math.sqrt(length)
+    if leading > m + 1:
+        return leading
     if leading > 0:
         last = m + 1 - leading
         change = 0.0

@@ -50,6 +50,7 @@ from stickslip.motion.steps.onset import (
     aim_order_together,
     aim_together,
     begin_together,
+    forget_orders,
 )
 from stickslip.motion.steps.response import (
     AIMS,
@@ -271,7 +272,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
     # The leading orders of |Au|, and with them p; beyond, only what is asked for.
     # What would begin against its direction does not, as its guard says: no more is asked of it.
     orders = order - 1 if order > 1 else 1
-    for m in range(1, orders):
+    m = 1
+    while m < orders:
         needed = m + 2 if rank == 0 else m + 1 + leading_order(flow)
         deeper = order if needed > FEWEST_ORDERS else FEWEST_ORDERS
         if needed > deeper or not all_begin(flow):
@@ -288,12 +290,28 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             for i in range(width_of(rows, p)):
                 aims[AIMS * p + rate_row(i), m] = work[rows.planes[p, AHEAD + i], m + 1]
         if rank > 0:
+            before = leading_order(flow)
             aim_order_together(flow, rank, m)
+            # How a moving body turns slips that begin on it follows from orders of Au behind the
+            # leading one.
+            if before == 1 and leading_order(flow) > 1:
+                forget_orders(flow)
+                m = 0
+            elif before > 1:
+                place_aims(flow, work, deeper)
+                status = plain_coefficients(machine, flow, at, stage_order(needed, deeper), work)
+                if status != OK:
+                    return status
+                for p in range(len(rows.planes)):
+                    for i in range(2):
+                        aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
+                aim_order_together(flow, rank, m)
         else:
             aim_order(flow, m)
             for p in range(len(rows.planes)):
                 if begins_as_face(flow, p):
                     aim_face_order(flow, p, m)
+        m += 1
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
