@@ -47,8 +47,10 @@ def test_damping_by_parameters_is_that_of_their_values(what: str) -> None:
     times = np.linspace(0.0, 20.0, 21)
     np.testing.assert_allclose(motion.at(times)["u[tip]"], same.at(times)["u[tip]"], atol=1e-11)
     again = loads(by_name.to_toml())
-    assert again == by_name and again.structures["u"].damping == RULES[what][0]
-    assert "of" in str(by_name.structures["u"].summary())
+    body, same_body = by_name.structures["u"], again.structures["u"]
+    assert isinstance(body, ss.Structure) and isinstance(same_body, ss.Structure)
+    assert again == by_name and same_body.damping == RULES[what][0]
+    assert "of" in str(body.summary())
     more = ss.simulate(by_name, parameters={"zeta": 0.1, "a": 0.2})
     assert abs(more.at(20.0)["u[tip]"] - motion.at(20.0)["u[tip]"]) > 1e-3
 

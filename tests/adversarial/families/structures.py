@@ -478,7 +478,8 @@ def scaled(found: Structural, length: float, time: float, force: float) -> Struc
     body, damping = found.body, found.damping
     stiff, viscous = force / length, force * time / length
     if isinstance(damping, ProportionalDamping):
-        damping = ProportionalDamping(damping.alpha / time, damping.beta * time)
+        alpha, beta = float(damping.alpha), float(damping.beta)
+        damping = ProportionalDamping(alpha / time, beta * time)
     elif isinstance(damping, np.ndarray):
         damping = damping * viscous
     changed = tuple(
