@@ -18,6 +18,7 @@ from stickslip.fitting.statistics import Statistics, statistics_of
 from stickslip.fitting.unknowns import FreeRange
 from stickslip.model.system import Formula, System
 from stickslip.motion.simulate import check_positive
+from stickslip.numerics.levels import TINIEST
 from stickslip.progress import told
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def _notes(found: Search, s: Statistics) -> tuple[str, ...]:
     notes += [f"{name} is not determined by these data" for name in s.undetermined]
     for u, value in zip(problem.unknowns, p, strict=True):
         for bound in (u.low, u.high):
-            if np.isfinite(bound) and abs(value - bound) <= _AT_BOUND * max(abs(bound), 1e-300):
+            if np.isfinite(bound) and abs(value - bound) <= _AT_BOUND * max(abs(bound), TINIEST):
                 notes.append(f"{u.label} is at its bound {bound:g}: its interval is not reliable")
     if s.weight < 1.0:
         notes.append(

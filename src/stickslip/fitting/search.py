@@ -21,6 +21,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.fitting.problem import LOSSES, FitProblem, NoDerivative
 from stickslip.fitting.unknowns import spread_starts
+from stickslip.numerics.ratios import ratio
 
 _SHARES = (0.125, 0.25, 0.5)
 _ROWS = 16  # that a part of a recording has at least
@@ -204,7 +205,7 @@ class _Coordinates:
         self.origin = origin
         unknowns = problem.unknowns
         boxes = [[float(u.to_search(end)) for end in u.box] for u in unknowns]
-        self.weight = drawn / np.array([max(high - low, 1e-300) for low, high in boxes])
+        self.weight = ratio(drawn, np.array([high - low for low, high in boxes]))
         low, high = np.array([u.searched for u in unknowns]).T
         self.low, self.high = low, high
 

@@ -16,6 +16,7 @@ from stickslip.model.entries.units import check_unit
 from stickslip.model.names import parse_range
 from stickslip.model.schema import PLANAR, entry_key
 from stickslip.model.system import Contact, Side, Unilateral
+from stickslip.numerics.levels import TINIEST
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
@@ -144,7 +145,7 @@ class _Contacts:
         others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
         held = any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others)
         if not held and here < -1e-12 * max(
-            size_of_terms(gap, self.reader.start), 1e-3 * most, 1e-300
+            size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST
         ):
             raise DeclarationError(
                 f"{where}.gap",

@@ -44,6 +44,7 @@ from stickslip.motion.steps.arrays import (
     directions_of,
     flow_of,
 )
+from stickslip.numerics.levels import TINIEST
 from stickslip.translator import compiled
 
 # instead of the number of a part
@@ -482,7 +483,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
         fastest = max(fastest, frequency)
     pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
     T.pace[slot] = pace
-    T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, 1e-300)
+    T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, TINIEST)
     for i in range(n):
         for j in range(len(S)):
             S[i, j] = pace * F[i, j]

@@ -19,6 +19,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
@@ -251,7 +252,7 @@ def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:
         raise Lost("the branches on both sides do not meet")
     # Period and parameter have the same units in both charts.
     parts = [float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in rays]
-    lengths = length * parts[1] / max(parts[0], 1e-300), length
+    lengths = ratio(length * parts[1], parts[0]), length
     x, y = (_along(ray, way) for ray, way in zip(rays, lengths, strict=True))
     return x, y
 
@@ -398,9 +399,7 @@ def _onward(
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
-    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
-        -1
-    ]
+    null = np.linalg.svd(ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True)))[2][-1]
     nearest = None
     for length, sense in product(lengths, (null, -null)):
         with suppress(*_FAILURES):

@@ -20,6 +20,7 @@ from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
@@ -365,7 +366,7 @@ class _Follower:
             return None
         F, J = other.residual(self.parameter)(end.x)
         size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
-        rows = J / np.maximum(np.max(np.abs(J), axis=1, keepdims=True), 1e-300)
+        rows = ratio(J, np.max(np.abs(J), axis=1, keepdims=True))
         s, v = np.linalg.svd(rows)[1:]
         if not (np.all(np.abs(F) <= 1e-8 * size) and s[-1] > 1e-9 * s[0]):
             return None
@@ -638,5 +639,5 @@ def hopf_test(eigenvalues: Array) -> float:
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
     # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign
     # to change.
-    part = np.where(np.abs(sums) > 1e-13 * sizes, sums / np.maximum(sizes, 1e-300), 0.0)
+    part = np.where(np.abs(sums) > 1e-13 * sizes, ratio(sums, sizes), 0.0)
     return float(np.prod(part).real)

@@ -15,6 +15,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, direction
@@ -180,7 +181,7 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
         offset = (x - a.x) / a.units
         ends.append(offset + ways[-1] * (place - a.heading @ offset))
     apart, turn = ends[1] - ends[0], ways[1] - ways[0]
-    return float(np.linalg.norm(apart)), -float(apart @ turn) / max(float(turn @ turn), 1e-300)
+    return float(np.linalg.norm(apart)), ratio(-float(apart @ turn), float(turn @ turn))
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:

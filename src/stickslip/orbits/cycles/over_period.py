@@ -19,6 +19,8 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.between.formulas import Along, evaluated, read_formula
+from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import modes_of_structures
 from stickslip.symbolic import expressions as ex
@@ -168,7 +170,7 @@ def _closed_in_on(
     (higher) values, whose surroundings are cut until they are straight."""
     along = Along(motion, [*formulas.values()])
     seen = along(times, index)
-    size = np.maximum(np.max(np.abs(seen), axis=0), 1e-300)
+    size = np.maximum(np.max(np.abs(seen), axis=0), TINIEST)
     edge = np.diff(index) != 0
     first, last = np.r_[True, edge], np.r_[edge, True]  # of their steps
     share = np.arange(_CUTS + 1) / _CUTS
@@ -367,7 +369,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
         if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):
             return None
     change = np.maximum(np.abs(found[1] - found[0]) - rounding, 0.0)
-    return found[1], float(np.max(change / np.maximum(size, 1e-300)))
+    return found[1], float(np.max(ratio(change, size)))
 
 
 # -- means -----------------------------------------------------------------------------------------
@@ -473,8 +475,8 @@ def _averaged(
         before, found = found, np.full(len(known), np.nan + 0j)
         found[known] = 1.0 / period * (weights * w) @ f[:, known]
         # Between knots a component may be much larger than at them.
-        size = np.maximum(np.max(np.abs(f), axis=0), 1e-300)
-        change = np.where(known, np.abs(found - before) / size, np.inf)
+        size = np.max(np.abs(f), axis=0)
+        change = np.where(known, ratio(np.abs(found - before), size), np.inf)
         if np.max(change[known], initial=0.0) <= _EXACT:
             break
         counts = 2 * counts

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
+from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.steady import ResidualFunction
 
 # a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
@@ -66,14 +68,16 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
     """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the
     start."""
     F, J = residual(y)
-    weight = 1.0 / np.maximum(np.max(np.abs(J) * units[None, :, None], axis=1), 1e-300)
+    weight = ratio(1.0, np.max(np.abs(J) * units[None, :, None], axis=1))
     damping = np.full(y.shape[1], 1e-2)
     F = weight * F
     J = weight[:, None] * J * units[None, :, None]
     for _ in range(_ITERATIONS):
         A, right = np.einsum("jik,jlk->kil", J, J), np.einsum("jik,jk->ki", J, F)
         # A little of the identity, so that components that do not count stay where they are.
-        diagonal = np.einsum("kii->ki", A) + 1e-8 * np.max(np.abs(A), axis=(1, 2))[:, None] + 1e-300
+        diagonal = (
+            np.einsum("kii->ki", A) + 1e-8 * np.max(np.abs(A), axis=(1, 2))[:, None] + TINIEST
+        )
         A = A + (damping[:, None] * diagonal)[:, :, None] * np.eye(len(y))
         trial = y - units[:, None] * np.linalg.solve(A, right[:, :, None])[:, :, 0].T
         G, K = residual(trial)
@@ -96,11 +100,11 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     F, J = residual(y)
     J = np.moveaxis(J * units[:, None], -1, 0)
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
-    size = np.maximum(np.max(np.abs(J), axis=2), 1e-300)
-    u, s, v = np.linalg.svd(J / size[:, :, None], full_matrices=False)
-    kept = s > _RANK * np.maximum(s[:, :1], 1e-300)
+    size = np.max(np.abs(J), axis=2)
+    u, s, v = np.linalg.svd(ratio(J, size[:, :, None]), full_matrices=False)
+    kept = s > _RANK * np.maximum(s[:, :1], TINIEST)
     reciprocal = np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
-    inverse = np.einsum("kji,kj,klj->kil", v, reciprocal, u) / size[:, None, :]
+    inverse = ratio(np.einsum("kji,kj,klj->kil", v, reciprocal, u), size[:, None, :])
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)
 
 

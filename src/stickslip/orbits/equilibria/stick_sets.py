@@ -19,6 +19,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
@@ -198,7 +199,7 @@ def _optimum(
 
     units = np.maximum(np.abs(start), 1.0)
     sizes = [
-        np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), 1e-300)
+        np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), TINIEST)
         for r in (equal, guards)
     ]
     goal = np.zeros(len(start))

@@ -27,6 +27,8 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
 from stickslip.model.entries.declared import Kind
 from stickslip.motion.record.knots import Knots
+from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at
 from stickslip.orbits.fields.saltation import Saltation
@@ -129,7 +131,7 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     # The closer the better, but u is a difference of velocities, which are rounded.
     moving = [i for i, name in enumerate(motion.system.declaration.state) if name[:2] == "d_"]
     rounding = _ROUNDED * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
-    close = np.sqrt(rounding / max(float(np.max(np.abs(limit[moving]), initial=0.0)), 1e-300))
+    close = np.sqrt(ratio(rounding, float(np.max(np.abs(limit[moving]), initial=0.0))))
     return float(k.time[knot]), k.state[knot] + max(close, _CLOSE * left) * limit
 
 
@@ -240,7 +242,7 @@ def _stopping(
     J = slopes[:, moving]
     M = mass_at(equations, piece, at)
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
-    weight /= np.sqrt(max(float(u @ weight), 1e-300))
+    weight /= np.sqrt(max(float(u @ weight), TINIEST))
     return _passing(float(weight @ time), weight @ slopes, rates)
 
 
@@ -278,7 +280,7 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
         tangent = scipy.linalg.null_space(w[None])
         turn = np.linalg.solve(s * tangent.T @ bend @ tangent, tangent.T @ slope)
         length = np.linalg.norm(turn)
-        w = w - tangent @ turn * min(1.0, 0.3 / max(length, 1e-300))
+        w = w - tangent @ turn * min(1.0, ratio(0.3, length))
         w = w / np.linalg.norm(w)
     way = [ex.num(float(x)) for x in w]
     h = plane.room_along(forces, way)

@@ -25,6 +25,7 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
 from stickslip.kept import cached_property
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -220,7 +221,7 @@ class Steady:
         n = state.shape[1]
         largest = np.max(np.abs(points if among is None else among), axis=1)
         largest[:n] = np.maximum(largest[:n], np.max(state, axis=0))
-        relative = values / np.maximum(np.abs(slopes) @ largest, 1e-300)
+        relative = ratio(values, np.abs(slopes) @ largest)
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def sizes_beside(self, points: Array, beside: Array) -> Sizes:
@@ -235,7 +236,7 @@ class Steady:
         largest = np.maximum(np.abs(points), np.abs(beside)).T
         largest[:, :n] = np.maximum(largest[:, :n], state)
         terms = np.einsum("kij,kj->ki", np.abs(slopes), largest)
-        relative = values / np.maximum(terms, 1e-300)
+        relative = ratio(values, terms)
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def _scales(self, points: Array) -> tuple[Array, Array, Array]:

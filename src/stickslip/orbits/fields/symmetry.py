@@ -19,6 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 
@@ -160,12 +161,12 @@ class Surroundings:
         # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
         # less than rounding is felt not at all.
         felt = np.max(np.abs(matrix), axis=0, initial=0.0)
-        units = 1.0 / np.maximum(felt, _ROUNDING / _RANK * np.max(felt) + 1e-300)
+        units = 1.0 / np.maximum(felt, _ROUNDING / _RANK * np.max(felt) + TINIEST)
         matrix = matrix * units
         # The triangle has the same singular values and directions as the many rows.
         triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
         _, s, v = np.linalg.svd(triangle)
-        rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
+        rank = int(np.sum(s > _RANK * max(s[0], TINIEST)))
         return v[rank:].T * (units * np.append(1.0, self.sizes))[:, None]
 
     def _turn(self, p: Array, drives: Drives) -> Array:
@@ -191,7 +192,7 @@ class Surroundings:
         size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
         # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
         # elsewhere.
-        size = np.maximum(size, _ROUNDING / _SAME * np.max(size) + 1e-300)
+        size = np.maximum(size, _ROUNDING / _SAME * np.max(size) + TINIEST)
         matrix = matrix / size[:, None]
         change = change / size
         if np.max(np.abs(change)) <= _SAME:

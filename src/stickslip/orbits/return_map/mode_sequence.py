@@ -17,6 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.model.entries.keys import NORMAL
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.recurrence import SHORTEST, segments
@@ -188,7 +189,7 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
         margins.append(min(low, key=lambda dip: dip.value).refined()[1])
     for (_, a), (b, _) in itertools.pairwise(found):
         margins += reversals(motion, pieces, a, b, p)
-    return max(min(margins, default=1.0), 1e-300)
+    return max(min(margins, default=1.0), TINIEST)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import INERTIAL
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of, clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
@@ -112,7 +113,7 @@ class Window:
         """Largest range of a component relative to a modulus: 0 if nothing moves but along
         translations."""
         home = self.at_home(self.carried(self.states, self.times), self.times)
-        return float(np.max(np.ptp(home, axis=0) * self.sizes / (modulus + 1e-300)))
+        return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
 def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
@@ -347,7 +348,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
                 np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
                 / 2.0
             )
-            distance = float(miss / max(size, 1e-300))
+            distance = float(ratio(miss, size))
             found.append(
                 Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
             )

@@ -28,6 +28,7 @@ from stickslip.errors import ConvergenceError
 from stickslip.kept import cached_property
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
@@ -415,8 +416,7 @@ class Shooting:
         """Units of the unknowns: size of the cycle, period, size again, width of the parameter's
         range."""
         lengths = [
-            1.0 / max(np.max(np.abs(self.stations[0].chart @ e)), 1e-300)
-            for e in self.symmetry.shifts.T
+            ratio(1.0, np.max(np.abs(self.stations[0].chart @ e))) for e in self.symmetry.shifts.T
         ]
         return np.concatenate(
             [np.ones(self.time), [x[self.time]], lengths, [width] if self.free else []]
@@ -433,7 +433,7 @@ class Shooting:
                 - self.symmetry.frame
             )
             rows.insert(0, station.chart @ rate)
-        rows = [row / max(np.linalg.norm(row), 1e-300) for row in rows]
+        rows = [ratio(row, np.linalg.norm(row)) for row in rows]
         return np.array(rows).reshape(len(rows), station.basis.shape[1])
 
     def unchanged(self, orbit: Orbit) -> Array:

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
+from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
@@ -173,7 +175,7 @@ class _Neighbourhood:
         )
         terms = np.sum(J, axis=1) / self.units
         return (
-            y if np.all(np.abs(rates) <= _SAME * (terms + np.max(terms, initial=1e-300))) else None
+            y if np.all(np.abs(rates) <= _SAME * (terms + np.max(terms, initial=TINIEST))) else None
         )
 
     def _jacobian(self, piece: Piece, y: Array) -> Array:
@@ -204,6 +206,6 @@ def _null(rows: Array) -> Array:
     """Orthonormal basis of what a matrix maps to 0."""
     if not rows.size:
         return np.eye(rows.shape[1])
-    rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
+    rows = ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True))
     _, s, v = np.linalg.svd(rows)
     return v[int(np.sum(s > 1e-10 * s[0])) :].T if s[0] > 0.0 else np.eye(rows.shape[1])

@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import NOT_CLOSED
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
@@ -172,7 +173,7 @@ class Amplitudes:
             twice = np.einsum("ti,ij,tj->t", rates, self.mode.mass, rates)
             spent = motion.audit.dissipated
             lost = float(spent[-1] - np.interp(0.5 * period, motion.knots.time, spent))
-            excitation = lost / (period * float(np.mean(twice)) + 1e-300)
+            excitation = ratio(lost, period * float(np.mean(twice)))
             if not excitation * period <= _STRONGEST:
                 raise ConvergenceError(
                     f"a backbone of {self.system.name}",
@@ -276,7 +277,7 @@ class Amplitudes:
         """The first of the shortened steps that misses less; None if there is none."""
         # What moves little may be far off in units of its size; period and excitation may not.
         sizes = np.abs(step / _units(shooting, orbit))[[shooting.time, -1]]
-        part = min(1.0, 0.3 / (sizes[0] + 1e-300), 1.0 / (sizes[1] + 1e-300))
+        part = min(1.0, ratio(0.3, sizes[0]), ratio(1.0, sizes[1]))
         for _ in range(_HALVINGS):
             with suppress(StickslipError):
                 trial = self._tried(shooting, orbit.x + part * step)

@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.studies.swinging import ValuesAndRates
 
 _PIECES = 8  # of a step, at first
@@ -202,7 +203,7 @@ def _judged(
     missed = (np.abs(rate - v) > _MISSES * scale) | (np.abs(place - x) > _MISSES * h * scale)
     largest_time, largest_x, largest_v = size
     counts = (scale > _ZERO * largest_v) & (h * scale > _ROUNDING * largest_x)
-    rough = missed & counts & (h > _ROUNDING * max(largest_time, 1e-300))
+    rough = missed & counts & (h > _ROUNDING * max(largest_time, TINIEST))
     with np.errstate(divide="ignore", invalid="ignore"):
         where = np.where(bend != 0.0, -slope / (2.0 * bend), -1.0)
     inside = (where > 0.0) & (where < 1.0) & (v0 * v1 > 0.0)

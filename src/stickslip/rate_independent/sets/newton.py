@@ -21,6 +21,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.convex.formula import ConvexFormula, Kink
 from stickslip.kept import made_once
+from stickslip.numerics.ratios import ratio
 from stickslip.rate_independent.sets.projections import nearest_in_hull
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator_of_numbers
@@ -269,7 +270,9 @@ class NormalSearch:
                 return None
             step = -inverse @ off
             missing = float(np.abs(off[:n]).max())
-            away = float(np.abs(zeros).max(initial=0.0)) / float(np.abs(slopes).max(initial=1e-300))
+            away = ratio(
+                float(np.abs(zeros).max(initial=0.0)), float(np.abs(slopes).max(initial=0.0))
+            )
             settled = float(np.abs(step[:n]).max()) <= _EPS * size
             if max(missing / scale, away) <= (64.0 if settled else 0.25) * _EXACT:
                 y = xi - W @ v if W is not None else xi / self.at(v, others).value

@@ -1,0 +1,3 @@
+"""Levels."""
+
+TINIEST = 1e-300
