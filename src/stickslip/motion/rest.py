@@ -10,7 +10,7 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.motion.affine.flights import mode_key
 from stickslip.motion.affine.forms import AFFINE
 from stickslip.motion.record.knots import Knots
-from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.numerics.levels import ROUNDING
 from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:

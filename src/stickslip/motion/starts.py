@@ -13,12 +13,11 @@ from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import NORMAL
 from stickslip.model.schema import entry_key
 from stickslip.motion.problem import Problem
+from stickslip.numerics.levels import BODIES_OVERLAP, CONSTRAINT_KEPT
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_HELD = 1e-9  # of the coordinates: how far from its constraint a start may be, at most
-_OVERLAP = 1e-12  # … and how far bodies may overlap
 _MOST_STEPS = 8  # of Newton's method onto constraints
 _MOST_NAMED = 6  # coordinates in a message
 
@@ -88,7 +87,7 @@ class _Openings:
         size = np.maximum(self.of.sizes(self.values), 1e-3 * most)
         held = self.of.held
         self.off: Array = np.where(held, np.abs(self.gaps), np.maximum(-self.gaps, 0.0))
-        self.most: Array = np.where(held, _HELD, _OVERLAP) * size
+        self.most: Array = np.where(held, CONSTRAINT_KEPT, BODIES_OVERLAP) * size
 
     def moved(self, i: int) -> Array:
         """Coordinates of a motion on the nearest state that is right."""

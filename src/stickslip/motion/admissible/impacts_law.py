@@ -32,7 +32,6 @@ from stickslip.motion.steps.arrays import (
     BACK,
     CONTACTS,
     COORDINATES,
-    EPSILON,
     FIRST_ROW,
     FORWARD,
     HOLDS_BACK,
@@ -57,6 +56,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
+from stickslip.numerics.levels import EPSILON, NO_SPEED
 from stickslip.translator import compiled
 
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
@@ -69,7 +69,6 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 NEAR, MODE_BEFORE, CHOSEN = range(3)
 MOST_MODES = 65536  # that are ever tried
 _MOST_TURNS = 60  # of directions in planes
-_SLOW = 1e-12  # part of their terms below which velocities are zero
 _HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
@@ -127,7 +126,7 @@ def put_friction(rows: Rows, space: Space) -> None:
         forward = False
         back = False
         for i in block:
-            slow = _SLOW * space.mag[i]
+            slow = NO_SPEED * space.mag[i]
             forward = forward or work[BEFORE, i] > slow
             back = back or work[BEFORE, i] < -slow
         alone = len(block) == 1

@@ -39,7 +39,7 @@ from stickslip.motion.affine.signals import (
     rough_acos,
 )
 from stickslip.motion.modes.guards import switch_of
-from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it

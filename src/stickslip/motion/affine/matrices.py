@@ -21,7 +21,6 @@ from stickslip.motion.steps.arrays import (
     COORDINATES,
     DIMENSION,
     DOUBTED,
-    EPSILON,
     FIRST_ROW,
     INERTIAL,
     LEAD,
@@ -42,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact

@@ -75,11 +75,8 @@ from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    EPSILON,
-    INSTANT,
     LEAD,
     PART,
-    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -93,6 +90,7 @@ from stickslip.motion.steps.roots import horner, slopes_at_nodes
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import EPSILON, INSTANT, ROUNDING
 from stickslip.translator import compiled
 
 _MOST_PIECES = 512  # of a Taylor step

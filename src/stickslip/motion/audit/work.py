@@ -14,7 +14,6 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     DISSIPATED,
     INERTIAL,
-    INSTANT,
     MATRIX,
     MEMBERS,
     SUPPLIED,
@@ -30,6 +29,7 @@ from stickslip.motion.steps.roots import horner, horner_at_nodes, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import INSTANT
 from stickslip.translator import compiled
 
 

@@ -13,14 +13,9 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE_SIZE,
     DIMENSION,
     DOUBTED,
-    DOUBTFUL,
-    EPSILON,
-    FIRED,
-    INSTANT,
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
-    ROUNDING,
     SLIPPING,
     SLIPS,
     TOWARDS,
@@ -44,6 +39,7 @@ from stickslip.motion.steps.sets import (
 )
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.motion.steps.step_size import impulse
+from stickslip.numerics.levels import DOUBTFUL, EPSILON, FIRED, INSTANT, ROUNDING
 from stickslip.translator import RELAXED, compiled
 
 _LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart

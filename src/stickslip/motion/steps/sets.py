@@ -25,7 +25,6 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     ON_INERTIAL,
     ON_VISCOUS,
-    ROUNDING,
     WIDEST,
     Flow,
     Rows,
@@ -35,6 +34,7 @@ from stickslip.motion.steps.arrays import (
     own_directions,
 )
 from stickslip.motion.steps.vectors import direction_and_turn
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 # Rows of Space.along: the unit vector at which support functions are asked, how a mechanism moves a

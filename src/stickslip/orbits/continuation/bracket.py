@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from stickslip.numerics.levels import BRACKET_LOOKS, LAST_DIGITS
+
 # how much further than the guess a change of sign is looked for
 _WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
-_FINEST = 1e-15  # part of a bracket to which a zero in it is found
-_MOST_LOOKS = 100
 
 
 def zero_between(
@@ -29,10 +29,10 @@ def zero_between(
     at_a, at_b : float
         What it is there.
     """
-    finest = max(_FINEST * abs(b - a), math.ulp(max(abs(a), abs(b))))
+    finest = max(LAST_DIGITS * abs(b - a), math.ulp(max(abs(a), abs(b))))
     part = at_a / (at_a - at_b)
     nearest = a
-    for _ in range(_MOST_LOOKS):
+    for _ in range(BRACKET_LOOKS):
         x = a + part * (b - a)
         value = function(x)
         if math.isnan(value):

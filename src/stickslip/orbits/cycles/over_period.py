@@ -19,7 +19,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.between.formulas import Along, evaluated, read_formula
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import modes_of_structures
@@ -39,7 +39,6 @@ _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
 _CUT_TIMES = 26  # at most: until a kink is known
 _SINGULAR = 1e-10  # largest rounding error, relative to the largest value
-_ROUNDING = 1e-14  # part of the largest value by which values differ that are the same
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
 
@@ -177,7 +176,7 @@ def _closed_in_on(
     ends: list[Array] = []
     for sign in (1.0, -1.0):
         lowest = np.min(sign * seen, axis=0)
-        at, which = _may_be_lower(sign * seen, first, last, _ROUNDING * size)
+        at, which = _may_be_lower(sign * seen, first, last, FEW_ROUNDINGS * size)
         steps = index[at]
         a, b = times[np.where(first[at], at, at - 1)], times[np.where(last[at], at, at + 1)]
         for _ in range(_CUT_TIMES):
@@ -190,7 +189,7 @@ def _closed_in_on(
             here = np.argmin(y, axis=1)
             np.minimum.at(lowest, which, y[rows, here])
             # What is straight up to rounding is nowhere lower than at its ends.
-            left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > _ROUNDING * size[which]
+            left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > FEW_ROUNDINGS * size[which]
             a = inside[rows, np.maximum(here - 1, 0)][left]
             b = inside[rows, np.minimum(here + 1, _CUTS)][left]
             at, which, steps = at[left], which[left], steps[left]
@@ -364,7 +363,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     for own in modes_of_structures(motion):
         size[own] = np.max(size[own])
     # What has only begun to slide moves by rounding errors of the others.
-    rounding = 2.0 / period * _ROUNDING * sizes[1]
+    rounding = 2.0 / period * FEW_ROUNDINGS * sizes[1]
     for own in modes_of_structures(motion):
         if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):
             return None

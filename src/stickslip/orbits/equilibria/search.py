@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import RANK, TINIEST
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.steady import ResidualFunction
 
 # a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
 _PRECISION = 1e-9
-_RANK = 1e-9  # singular values below this part of the largest are zero
 _ITERATIONS = 60
 _POLISH = 4
 
@@ -102,7 +101,7 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
     size = np.max(np.abs(J), axis=2)
     u, s, v = np.linalg.svd(ratio(J, size[:, :, None]), full_matrices=False)
-    kept = s > _RANK * np.maximum(s[:, :1], TINIEST)
+    kept = s > RANK * np.maximum(s[:, :1], TINIEST)
     reciprocal = np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
     inverse = ratio(np.einsum("kji,kj,klj->kil", v, reciprocal, u), size[:, None, :])
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)

@@ -19,13 +19,13 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import FEASIBLE, TINIEST
 from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_PRECISE = {"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE}
 # a guard may miss zero by this much, in units of its terms: the set contains its boundary
 _CLOSED = 1e-9
 _FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded

@@ -27,7 +27,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
 from stickslip.model.entries.declared import Kind
 from stickslip.motion.record.knots import Knots
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import ROUNDED_TERM, TANGENT, TINIEST
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at
@@ -41,9 +41,8 @@ if TYPE_CHECKING:
 _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
 _ANGLES, _POLISH = 400, 12  # of the search for the direction in which a slip begins
-_CLOSE, _ROUNDED = 1e-12, 4e-16  # parts of a step before its end, and of a velocity
+_CLOSE = 1e-12  # part of a step before its end
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
-_TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
 
 
 def through(
@@ -100,7 +99,7 @@ def through(
         else:
             own = cause if cause >= 0 else len(equations.kinks) + begun[0]
             passing = _own(left, here, own)
-    if not abs(passing.fall) > _TANGENT * passing.terms:
+    if not abs(passing.fall) > TANGENT * passing.terms:
         return none
     earlier = passing.slopes / passing.fall
     S[:n] += np.outer(onward - here.rates, earlier)
@@ -130,7 +129,7 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
     # The closer the better, but u is a difference of velocities, which are rounded.
     moving = [i for i, name in enumerate(motion.system.declaration.state) if name[:2] == "d_"]
-    rounding = _ROUNDED * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
+    rounding = ROUNDED_TERM * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
     close = np.sqrt(ratio(rounding, float(np.max(np.abs(limit[moving]), initial=0.0))))
     return float(k.time[knot]), k.state[knot] + max(close, _CLOSE * left) * limit
 

@@ -25,12 +25,11 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-
-_NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
 
 
 class ResidualFunction:
@@ -274,7 +273,9 @@ class Steady:
 
     def settled(self, y: Array) -> Array:
         """The state with components that are only rounding set to zero."""
-        return np.where(np.abs(y) <= _NOISE * self.sizes(self.point(y)[:, None]).state[0], 0.0, y)
+        return np.where(
+            np.abs(y) <= ROUNDED_SUM * self.sizes(self.point(y)[:, None]).state[0], 0.0, y
+        )
 
     def drift(self, point: Array) -> Array:
         """Rates of the state in steady motion."""
@@ -284,7 +285,8 @@ class Steady:
         values, slopes = self._local(point)
         rates = self.invariant @ (self.invariant.T @ values[:n])
         return np.where(
-            np.abs(rates) <= _NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
+            np.abs(rates)
+            <= ROUNDED_SUM * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
             0.0,
             rates,
         )

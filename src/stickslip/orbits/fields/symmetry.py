@@ -19,13 +19,10 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import LAST_DIGITS, NO_CHANGE, RANK, TINIEST
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 
-_RANK = 1e-9  # singular values below this part of the largest are zero
-_SAME = 1e-9  # changes below this part of their terms are none
-_ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 _SAMPLES = 12  # of every piece, at which symmetries are looked for
 
 
@@ -84,10 +81,10 @@ def alike(a: Symmetry, b: Symmetry) -> bool:
         return False
     together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])
     known = [(a.turn, b.turn), (a.frame, b.frame)]
-    return bool(np.linalg.matrix_rank(together, _RANK) <= a.shifts.shape[1]) and all(
+    return bool(np.linalg.matrix_rank(together, RANK) <= a.shifts.shape[1]) and all(
         x is None
         or y is None
-        or np.allclose(x, y, rtol=_RANK, atol=_RANK * np.max(np.abs(x), initial=0.0))
+        or np.allclose(x, y, rtol=RANK, atol=RANK * np.max(np.abs(x), initial=0.0))
         for x, y in known
     )
 
@@ -123,7 +120,7 @@ class Surroundings:
         # Where shifts of any size change nothing, cells say nothing more.
         N, C = shifts / self.sizes[:, None], cells / self.sizes[:, None]
         rest = C - N @ np.linalg.lstsq(N, C, rcond=None)[0]
-        cells = cells[:, np.max(np.abs(rest), axis=0) > _SAME * np.max(np.abs(C), axis=0)]
+        cells = cells[:, np.max(np.abs(rest), axis=0) > NO_CHANGE * np.max(np.abs(C), axis=0)]
         if frame is not None or drives is None:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)), cells)
         return Symmetry(shifts, None, self._turn(p, drives) / drives.parts, cells)
@@ -161,12 +158,12 @@ class Surroundings:
         # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
         # less than rounding is felt not at all.
         felt = np.max(np.abs(matrix), axis=0, initial=0.0)
-        units = 1.0 / np.maximum(felt, _ROUNDING / _RANK * np.max(felt) + TINIEST)
+        units = 1.0 / np.maximum(felt, LAST_DIGITS / RANK * np.max(felt) + TINIEST)
         matrix = matrix * units
         # The triangle has the same singular values and directions as the many rows.
         triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
         _, s, v = np.linalg.svd(triangle)
-        rank = int(np.sum(s > _RANK * max(s[0], TINIEST)))
+        rank = int(np.sum(s > RANK * max(s[0], TINIEST)))
         return v[rank:].T * (units * np.append(1.0, self.sizes))[:, None]
 
     def _turn(self, p: Array, drives: Drives) -> Array:
@@ -192,14 +189,14 @@ class Surroundings:
         size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
         # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
         # elsewhere.
-        size = np.maximum(size, _ROUNDING / _SAME * np.max(size) + TINIEST)
+        size = np.maximum(size, LAST_DIGITS / NO_CHANGE * np.max(size) + TINIEST)
         matrix = matrix / size[:, None]
         change = change / size
-        if np.max(np.abs(change)) <= _SAME:
+        if np.max(np.abs(change)) <= NO_CHANGE:
             return moved
-        shift = np.linalg.lstsq(matrix, -change, rcond=_RANK)[0]
-        if np.max(np.abs(matrix @ shift + change)) <= _SAME:
-            rest = np.where(np.abs(shift) > _SAME * np.max(np.abs(shift)), shift, 0.0)
+        shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
+        if np.max(np.abs(matrix @ shift + change)) <= NO_CHANGE:
+            rest = np.where(np.abs(shift) > NO_CHANGE * np.max(np.abs(shift)), shift, 0.0)
             return moved + rest * self.sizes
         raise DeclarationError(
             "period",

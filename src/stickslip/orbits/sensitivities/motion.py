@@ -27,6 +27,7 @@ from stickslip.model.quantities import quantity
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import TOUCHED
 from stickslip.orbits.fields.variational import Variation, variation
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
-_NOTHING = 1e-12  # an unknown below this part of the sum of its terms is zero
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
 
 
@@ -547,7 +547,7 @@ def second_opinion(found: Sensitivity) -> Array:
         row = motion.system.unknown(name) or {name: 1.0}
         terms = [w * {**start, **motion.parameters}[x] for x, w in row.items()]
         size = abs(sum(terms))
-        h = _DIFFERENCE * (size if size > _NOTHING * sum(map(abs, terms)) else 1.0)
+        h = _DIFFERENCE * (size if size > COMPUTED_ZERO * sum(map(abs, terms)) else 1.0)
         rough, fine = (
             (values(name, s * h) - values(name, -s * h)) / (2 * s * h) for s in (1.0, 0.5)
         )

@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import NOT_CLOSED
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
@@ -57,7 +58,6 @@ _STRONGEST = 20.0  # growth rate of the guess, in a period
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
-_UNMOVED = 1e-12  # a smaller part of the sum of the terms is rounding error
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
 
 
@@ -121,7 +121,7 @@ class Amplitudes:
         size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
         size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
         share = np.hypot(by_place, by_rate)
-        if not share > _UNMOVED * size:
+        if not share > COMPUTED_ZERO * size:
             raise DeclarationError(
                 "of",
                 f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "

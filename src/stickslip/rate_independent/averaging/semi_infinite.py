@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
@@ -42,7 +43,6 @@ _FORGETFUL = 6  # rounds in which constraints may go
 _CLUSTER = 0.02  # phases closer than this may be one
 _SAME = 1e-6  # phases closer than this are one
 _NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
-_ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
 _SHARPEST = 1e-13  # duality gap that rounding allows
 _MOST_PEAKS = 16  # phases that join in one round
 _SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
@@ -140,10 +140,10 @@ class Intersection(Average):
         """
         xi = self.vector(xi, "xi")
         M = self.metric(metric)
-        if not self._beyond(xi, _ROUNDING * self.size):
+        if not self._beyond(xi, LAST_DIGITS * self.size):
             looked = self._look(xi)
             if (
-                looked.excess.max() <= _ROUNDING * self.size
+                looked.excess.max() <= LAST_DIGITS * self.size
                 and looked.bound <= self.tolerance * self.size
             ):
                 return xi.copy()
@@ -220,7 +220,7 @@ class Intersection(Average):
         """What is known of a force from one that is the same up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
         k = int(away.argmin())
-        if away[k] > _ROUNDING * self.size:
+        if away[k] > LAST_DIGITS * self.size:
             return None
         looked = self._looked[k - _LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
@@ -375,7 +375,7 @@ class Intersection(Average):
         looked = self._look(held.xi, held.phases)
         sets = self.source.sampled(held.phases)
         violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
-        phases = self._peaks(looked, held.xi) if violation > _ROUNDING * self.size else ()
+        phases = self._peaks(looked, held.xi) if violation > LAST_DIGITS * self.size else ()
         return replace(
             held,
             sets=sets,
@@ -389,9 +389,11 @@ class Intersection(Average):
         phases, first = np.unique(wrapped(looked.phases), return_index=True)
         excess = looked.excess[first]
         if len(phases) < 3:
-            return phases[excess > _ROUNDING * self.size].tolist()
+            return phases[excess > LAST_DIGITS * self.size].tolist()
         before, after = np.roll(excess, 1), np.roll(excess, -1)
-        (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > _ROUNDING * self.size))
+        (k,) = np.nonzero(
+            (excess >= before) & (excess >= after) & (excess > LAST_DIGITS * self.size)
+        )
         if not len(k):
             return []
         k = k[np.argsort(-excess[k])][:_MOST_PEAKS]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
@@ -26,8 +27,6 @@ from stickslip.rate_independent.sets.stretches import (
 )
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, Signal, wrapped
-
-_ROUNDING = 4e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +188,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 def _axes(S: Array) -> tuple[Array, Array, Array]:
     """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
     squares, axes = np.linalg.eigh(S / 2 + S.transpose(0, 2, 1) / 2)  # a sum of two may overflow
-    return axes, squares, _ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
+    return axes, squares, ROUNDED_TERM * S.shape[1] * np.abs(S).max(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 _PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
 _FLAT = 1e-12  # width of a hull that has no inside, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
-_ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
 
 
 def facets(points: Array) -> tuple[Array, Array] | None:
@@ -152,7 +152,7 @@ class SampledHulls(RowWise, AtPhases):
         for k in np.flatnonzero(~self.known):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
         # What lies outside of facets by more than rounding is farther away behind a sharp corner.
-        for k in np.flatnonzero(excess > _ROUNDING * np.abs(rows).max(axis=1)):
+        for k in np.flatnonzero(excess > FEW_ROUNDINGS * np.abs(rows).max(axis=1)):
             excess[k] = max(
                 excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))
             )

@@ -21,6 +21,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.convex.formula import ConvexFormula, Kink
 from stickslip.kept import made_once
+from stickslip.numerics.levels import EXACT_RANK
 from stickslip.numerics.ratios import ratio
 from stickslip.rate_independent.sets.projections import nearest_in_hull
 from stickslip.symbolic import expressions as ex
@@ -37,7 +38,6 @@ _NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the s
 _BESIDE = (1e-8, 1e-11, 1e-14)  # of |v|: how far from a kink gradients beside it are taken
 _SURE = 1e-10  # of a point: how close a mean of gradients has to be, to stand for it
 _MOST_ON_FACE = 60
-_SINGULAR = 1e-12  # part of the largest eigenvalue
 _ON_KINK = 1e-9  # of |v|: a start that lies on a kink
 _PROBES = 8  # random directions in which a point is compared with the support function
 _REACHES = (1.0, 1e-1, 1e-2, 1e-3)
@@ -160,7 +160,7 @@ class NormalSearch:
                 step = (
                     np.linalg.solve(here.hessian, -rest)
                     if W is not None
-                    else -np.linalg.pinv(here.hessian, rcond=_SINGULAR, hermitian=True) @ rest
+                    else -np.linalg.pinv(here.hessian, rcond=EXACT_RANK, hermitian=True) @ rest
                 )
             except np.linalg.LinAlgError:
                 return None, v

@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip.arrays import Array3, Int32Vector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.numerics.levels import SUM_ROUNDING
 from stickslip.translator import compiled
 
-SUM_ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
 # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
 _HELD = 1.0 + 1e-12
 
