@@ -42,7 +42,7 @@ from stickslip.exports.fmu_model import (
 from stickslip.model.entries.units import factors, lowest_terms
 from stickslip.motion.stepper import Stepper, StepperState
 from stickslip.motion.trajectory import Trajectory
-from stickslip.numerics.levels import LEAST_RTOL
+from stickslip.numerics.levels import LEAST_RTOL, MOMENT
 
 _RTOL = 1e-10
 _STEPS = 500  # of the default experiment
@@ -208,7 +208,7 @@ class SystemFmu(Fmi2Slave):
         saved = stepper.save()
         start, stop = self.model.system.span
         try:
-            stepper.advance(stepper.time + 1e-9 * (stop - start), self._of("input"))
+            stepper.advance(stepper.time + MOMENT * (stop - start), self._of("input"))
             return stepper.motion.at(saved.time)
         finally:
             stepper.restore(saved)

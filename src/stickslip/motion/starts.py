@@ -20,6 +20,7 @@ from stickslip.symbolic.expressions import Expr
 
 _MOST_STEPS = 8  # of Newton's method onto constraints
 _MOST_NAMED = 6  # coordinates in a message
+_EXCESS = 1e-9  # of a threshold, by which rounding of a start may put a held force beyond it
 
 
 class _Gaps:
@@ -194,7 +195,7 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         if first.kind == Kind.RATE_INDEPENDENT:
             held = math.hypot(*(ex.evaluate(e, values) for e in plane.pull))
             most = ex.evaluate(plane.static, values)
-            if held > most * (1.0 + 1e-9):
+            if held > most * (1.0 + _EXCESS):
                 names = [next(iter(equations.contacts[i].direction)) for i in plane.parts]
                 raise DeclarationError(
                     f"initial.{names[0]}",
@@ -208,7 +209,7 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         held = ex.evaluate(force, values)
         plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)
         excess = max(-plus - held, held - minus)
-        if excess > 1e-9 * (abs(held) + plus + minus):
+        if excess > _EXCESS * (abs(held) + plus + minus):
             name = next(iter(c.direction))
             raise DeclarationError(
                 f"initial.{name}",

@@ -27,7 +27,6 @@ TINIEST = 1e-300  # absolute; its reciprocal is finite. For divisors that may be
 WHOLE_COUNT = 1e-12  # a quotient of times that is whole but for rounding. For numbers of steps
 SHORTEST_PIECE = 1e-12  # of what is left of a step: shorter pieces would not end. For recomputation
 FIRED = 1e-10  # of its size, a guard that has just fired and is zero by definition. For switches
-DOUBTFUL = 1e-12  # of a threshold: so close to zero it may have become negative. For its sign
 ON_SURFACE = 1e-9  # of its terms, what has to vanish and drifts. For constraints, contacts in stick
 NO_SPEED = 1e-12  # of their terms, velocities at an impact. For contacts that take part in it
 IMPACT_ZERO = 1e-10  # of the largest impulse, or jump of a velocity. For modes after an impact

@@ -21,6 +21,7 @@ _COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
 _APART = 0.05  # of the lowest ω²: how far below it a shift is
 _SPREAD = 10.0  # times the lowest ω², in which so many lie that a shift pays
 _FULL = 400  # unknowns below which full matrices are faster
+_SHIFT = 1e-10  # of the largest ratio of diagonals: makes a stiffness with rigid motions regular
 
 
 def is_sparse(matrix: Symmetric) -> bool:
@@ -292,7 +293,7 @@ def _shifted(
 
     factor, shift = factor or factored(stiffness), 0.0
     if factor.singular or factor.negative:
-        shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
+        shift = _SHIFT * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
 
     def nearer(values: Array) -> Callable[[Array], Array] | None:

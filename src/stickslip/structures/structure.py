@@ -14,7 +14,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property, kept, made_once
-from stickslip.numerics.levels import ROUNDING
+from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDING
 from stickslip.structures import matrices
 from stickslip.structures.damping import (
     Coefficient,
@@ -594,7 +594,7 @@ def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
     """Refuse a matrix with an eigenvalue that is negative beyond rounding."""
     diagonal = np.abs(matrix.diagonal())
     spread = float(np.max(diagonal, initial=0.0)) or 1.0
-    small = 1e-12 * np.where(diagonal > 0.0, diagonal, spread)
+    small = COMPUTED_ZERO * np.where(diagonal > 0.0, diagonal, spread)
     if is_sparse(matrix):
         from scipy.sparse import diags_array
 

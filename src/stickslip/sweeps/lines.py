@@ -32,7 +32,7 @@ from stickslip.model.quantities import contact_key, described, described_as, qua
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.problem import pose
-from stickslip.numerics.levels import HARMONICS_KNOWN
+from stickslip.numerics.levels import COMPUTED_ZERO, HARMONICS_KNOWN
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
@@ -261,7 +261,7 @@ class _Level:
                 self.parameter, "the frequency is zero within its range", "Exclude this value"
             )
         low, high = map(self.clock.period, ends)
-        if abs(high - low) <= 1e-12 * high:
+        if abs(high - low) <= COMPUTED_ZERO * high:
             raise DeclarationError(
                 self.parameter,
                 f"it does not change the period of the drives, {high:.9g}",

@@ -56,7 +56,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
-from stickslip.numerics.levels import EPSILON, NO_SPEED
+from stickslip.numerics.levels import EPSILON, IMPACT_ZERO, NO_SPEED
 from stickslip.translator import compiled
 
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
@@ -465,8 +465,8 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
         fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
         gained += 0.5 * work[IMPULSE, c] * (work[BEFORE, c] + work[AFTER, c])
         size += 0.5 * abs(work[IMPULSE, c]) * (abs(work[BEFORE, c]) + abs(work[AFTER, c]))
-    strong = 1e-10 * largest
-    fast = 1e-10 * fastest
+    strong = IMPACT_ZERO * largest
+    fast = IMPACT_ZERO * fastest
     right = True
     for c in inertial_contacts(rows):
         moved = moved_on(work, c)
@@ -535,7 +535,7 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
             after = work[AFTER, c]
             if tried[CHOSEN, c] == 0:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]
-            mode[c] = 1 if after > 1e-10 * largest else 0
+            mode[c] = 1 if after > IMPACT_ZERO * largest else 0
     for c in range(rows.sizes[ON_INERTIAL]):
         if is_pressed(rows, tried, c):
             mode[c] = tried[CHOSEN, c]

@@ -61,7 +61,7 @@ from stickslip.motion.steps.arrays import (
     directions_of,
     inertial_contacts,
 )
-from stickslip.numerics.levels import CREATED_ENERGY
+from stickslip.numerics.levels import CREATED_ENERGY, IMPACT_ZERO
 from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
@@ -306,7 +306,7 @@ def most_energy(rows: Rows, space: Space) -> float:
 def choose_by_velocities(rows: Rows, space: Space) -> None:
     """The mode after impacts in turn, by the velocities that are left: what is at rest sticks."""
     work = space.impact
-    slow = 1e-10 * largest_jump(rows, work)
+    slow = IMPACT_ZERO * largest_jump(rows, work)
     for c in inertial_contacts(rows):
         block = directions_of(rows, c)
         speed = work[AFTER, c]

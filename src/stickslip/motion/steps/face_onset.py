@@ -55,6 +55,7 @@ _FINEST = 1e-7  # … at last, in parts of its value without friction
 _SETTLED = 1e-15  # part of its terms by which it may fail at last
 _MOST_CUTS = 40  # halvings of a step
 _DEPENDENT = 1e-9  # part of D below which a direction is one in which the face is held
+_IMPROVES = 1e-6  # part of its size by which a rate has to improve for another turn
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
 # that inverse, rates of probes (then what holds directions), equations, what is solved for, p and
 # its change.
@@ -275,7 +276,7 @@ def aim_face(flow: Flow, p: int) -> None:
     rounded = whole
     while rounded > _FINEST * whole:
         for _ in range(NEWTON_TURNS):
-            if not improve_rate(flow, f, own, rounded) > 1e-6 * size:
+            if not improve_rate(flow, f, own, rounded) > _IMPROVES * size:
                 break
         rounded *= _ROUNDED
     length = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])

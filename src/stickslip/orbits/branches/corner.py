@@ -64,6 +64,7 @@ _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 _THERE = 1e-6  # … how far its derivatives are asked …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
 _NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
+_LENGTHS = (1e-5, 1e-4, 1e-6)  # of steps along an edge; one of them leads to a cycle
 
 
 @dataclass(frozen=True)
@@ -304,7 +305,7 @@ def _along_the_edge(
     """A cycle on which a contact is carried along, while the parameter goes on as before."""
     other = chart.carrying(*edge)
     units = chart.scale(x)
-    for length in (1e-5, 1e-4, 1e-6):
+    for length in _LENGTHS:
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent

@@ -11,6 +11,9 @@ from collections.abc import Callable
 
 from stickslip.numerics.levels import BRACKET_LOOKS, LAST_DIGITS
 
+_ASIDE = 1e-6  # of a value, to the second point of a secant where the guess is the first
+
+
 # how much further than the guess a change of sign is looked for
 _WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
 
@@ -69,7 +72,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
     if first == 0.0:
         return known
     if guess == known:
-        guess = known + 1e-6 * (abs(known) or 1.0)
+        guess = known + _ASIDE * (abs(known) or 1.0)
     near, before = known, first
     for part in _WIDER:
         far = known + part * (guess - known)

@@ -32,7 +32,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.motion.simulate import with_span
-from stickslip.numerics.levels import COMPUTED_ZERO, GUARD_TOUCHED
+from stickslip.numerics.levels import COMPUTED_ZERO, GUARD_TOUCHED, SAME_VALUE
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure, over_period
 from stickslip.orbits.cycles.certificate import certify_cycle
@@ -715,7 +715,7 @@ def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
     declared = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
     if np.any(declared):
         along = float(declared @ shift / (declared @ declared))
-        if np.max(np.abs(shift - along * declared)) <= 1e-9 * size:
+        if np.max(np.abs(shift - along * declared)) <= SAME_VALUE * size:
             return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
     if size == 0.0:
         return {}, 0.0

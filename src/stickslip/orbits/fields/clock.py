@@ -20,7 +20,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property, made_once
 from stickslip.model.system import System
-from stickslip.numerics.levels import NO_CHANGE
+from stickslip.numerics.levels import NO_CHANGE, SAME_VALUE
 from stickslip.orbits.fields.lines_and_phases import Reading, read_formulas
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -258,7 +258,7 @@ def _clock(
     ratios = {}
     for e, rate in moving.items():
         ratios[e] = Fraction(rate / base).limit_denominator(_MOST_PERIODS)
-        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
+        if abs(float(ratios[e]) - rate / base) > SAME_VALUE * abs(rate / base):
             raise DeclarationError(
                 system.name,
                 f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "

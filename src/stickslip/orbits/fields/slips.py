@@ -42,6 +42,7 @@ _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
 _ANGLES, _POLISH = 400, 12  # of the search for the direction in which a slip begins
 _CLOSE = 1e-12  # part of a step before its end
+_LEAST_TERM = 1e-12  # of the largest: norms below it are divided by no less than that
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 
 
@@ -402,7 +403,7 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     w = work / float(work @ work)
     for _ in range(_MOST_TURNS):
         sizes = [float(np.linalg.norm(G @ w)) for G, _ in shapes]
-        least = 1e-12 * max(sizes)
+        least = _LEAST_TERM * max(sizes)
         H = sum(s / max(size, least) * G.T @ G for (G, s), size in zip(shapes, sizes, strict=True))
         new = np.linalg.lstsq(H, work, rcond=None)[0]
         new /= float(work @ new)

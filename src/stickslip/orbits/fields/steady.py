@@ -25,7 +25,7 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import ROUNDED_SUM
+from stickslip.numerics.levels import COMPUTED_ZERO, FINE_RANK, ROUNDED_SUM
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
@@ -268,7 +268,9 @@ class Steady:
         _, slopes = self.residual(*spans)(x)
         widths = np.array([high - low for low, high in spans.values()])
         moved = np.abs(np.linalg.pinv(slopes[:, :n]) @ slopes[:, n:]) @ widths
-        own = np.where(own > 1e-12 * moved, np.maximum(own, np.minimum(moved, 10.0 * own)), moved)
+        own = np.where(
+            own > COMPUTED_ZERO * moved, np.maximum(own, np.minimum(moved, 10.0 * own)), moved
+        )
         return np.where(own > 0.0, own, np.max(own, initial=0.0) or 1.0)
 
     def settled(self, y: Array) -> Array:
@@ -348,7 +350,7 @@ def invariant_directions(
     size = np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0)
     matrix = np.vstack([np.zeros((1, len(names))), matrix / np.where(size > 0.0, size, 1.0)])
     _, s, v = np.linalg.svd(np.linalg.qr(matrix, mode="r"))
-    rank = int(np.sum(s > 1e-10 * max(1.0, np.max(s, initial=0.0))))
+    rank = int(np.sum(s > FINE_RANK * max(1.0, np.max(s, initial=0.0))))
     basis = np.zeros((len(d.state), len(names) - rank))
-    basis[places] = np.where(np.abs(v[rank:]) > 1e-12, v[rank:], 0.0).T
+    basis[places] = np.where(np.abs(v[rank:]) > COMPUTED_ZERO, v[rank:], 0.0).T
     return basis

@@ -19,11 +19,19 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import LAST_DIGITS, NO_CHANGE, RANK, TINIEST
+from stickslip.numerics.levels import (
+    LAST_DIGITS,
+    NEARLY_WHOLE,
+    NO_CHANGE,
+    RANK,
+    ROUNDED_SUM,
+    TINIEST,
+)
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 
 _SAMPLES = 12  # of every piece, at which symmetries are looked for
+_STANDS = 1e-10  # of 1 + the largest: a component of the frame that does not move
 
 
 @dataclass(frozen=True)
@@ -209,13 +217,13 @@ class Surroundings:
 def _unit(rows: Array) -> Array:
     """Rows with largest component 1; those that are only rounding are left out."""
     size = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
-    kept = size[:, 0] > 1e-13 * np.max(size, initial=0.0)
+    kept = size[:, 0] > ROUNDED_SUM * np.max(size, initial=0.0)
     return rows[kept] / size[kept]
 
 
 def _split(free: Array) -> tuple[Array, Array | None]:
     """Shifts of the state, and the frame that goes with a shift of time, if there is one."""
-    moving = np.abs(free[0]) > 1e-9 * np.max(np.abs(free), initial=0.0)
+    moving = np.abs(free[0]) > NO_CHANGE * np.max(np.abs(free), initial=0.0)
     if not np.any(moving):
         return _clean(free[1:]), None
     # Combinations without a shift of time are shifts of the state; of those that shift it by 1, the
@@ -225,7 +233,7 @@ def _split(free: Array) -> tuple[Array, Array | None]:
     frame = free[1:] @ free[0] / (free[0] @ free[0])
     if shifts.shape[1]:
         frame = frame - shifts @ np.linalg.lstsq(shifts, frame, rcond=None)[0]
-    return shifts, np.where(np.abs(frame) > 1e-10 * (1.0 + np.max(np.abs(frame))), frame, 0.0)
+    return shifts, np.where(np.abs(frame) > _STANDS * (1.0 + np.max(np.abs(frame))), frame, 0.0)
 
 
 def _clean(directions: Array) -> Array:
@@ -238,4 +246,4 @@ def _clean(directions: Array) -> Array:
             if k != i:
                 rows[k] -= rows[k, j] * rows[i]
     whole = np.round(rows)
-    return np.where(np.abs(rows - whole) < 1e-10, whole, rows).T
+    return np.where(np.abs(rows - whole) < NEARLY_WHOLE, whole, rows).T

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.levels import RANK, TINIEST
 from stickslip.orbits.return_map.held import forms
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, parameter_values
 
@@ -100,4 +100,4 @@ def _independent(held: Array, unchanged: Array) -> Array:
         return held
     u, s, _ = np.linalg.svd(held @ unchanged)
     size = np.max(np.abs(held)) * np.max(np.abs(unchanged), initial=TINIEST)
-    return u[:, np.sum(s > 1e-9 * size) :].T @ held
+    return u[:, np.sum(s > RANK * size) :].T @ held

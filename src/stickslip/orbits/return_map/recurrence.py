@@ -32,6 +32,7 @@ _MODE = 1e-3  # of the largest mode of a structure: the least size of another
 _CLOSER = 1e3  # … but not before one that misses by so much less
 _EXACT = 1e-9  # … or closes
 _BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
+_STILL = 1e-9  # of its modulus: spread of a component that does not move
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     motion of the others."""
     spread = 0.5 * np.ptp(moving, axis=0)
     modulus = np.max(np.abs(states), axis=0)
-    still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
+    still = _STILL * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
     modes = modes_of_structures(motion)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
+_FINE_RTOL = 1e-12  # of motions that are differenced
 
 
 @dataclass(frozen=True)
@@ -536,7 +537,7 @@ def second_opinion(found: Sensitivity) -> Array:
         target = given if name in given else begin
         for x, slope in _start_slope(motion, name).items():
             target[x] += slope * change
-        moved = simulate(system, span, initial=begin, parameters=given, rtol=1e-12)
+        moved = simulate(system, span, initial=begin, parameters=given, rtol=_FINE_RTOL)
         if not moved.outcome.ok:
             return np.full(found.values.shape, np.nan)
         observed = sensitivities(moved, (), found.times, found.observed, touching=False)

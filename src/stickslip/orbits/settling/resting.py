@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.numerics.levels import NO_GROWTH, ROUNDED_SUM, TINIEST
+from stickslip.numerics.levels import FINE_RANK, NO_GROWTH, ROUNDED_SUM, TINIEST
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -206,4 +206,4 @@ def _null(rows: Array) -> Array:
         return np.eye(rows.shape[1])
     rows = ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True))
     _, s, v = np.linalg.svd(rows)
-    return v[int(np.sum(s > 1e-10 * s[0])) :].T if s[0] > 0.0 else np.eye(rows.shape[1])
+    return v[int(np.sum(s > FINE_RANK * s[0])) :].T if s[0] > 0.0 else np.eye(rows.shape[1])

@@ -58,6 +58,7 @@ _STRONGEST = 20.0  # growth rate of the guess, in a period
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
+_SINGULAR = 1e-13  # singular value, of the largest, of equations that are scaled: rounding
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
 
 
@@ -218,7 +219,7 @@ class Amplitudes:
             right = np.append(-orbit.F, 1.0 - now / amplitude)
             if not np.all(np.isfinite(matrix)):
                 break
-            step = np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+            step = np.linalg.lstsq(matrix, right, rcond=_SINGULAR)[0]
             better = self._shortened(shooting, orbit, units * step, amplitude, miss)
             if better is None:
                 break

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import LAST_DIGITS
+from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
@@ -49,6 +49,8 @@ _SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
 _MEMORY = 256  # solutions that are remembered
 _LOOKS = 192  # forces whose distances from K(s) are remembered
 _AT_ONCE = 64  # forces that are looked at together
+_FALLEN = 1e-9  # of its value, by which a bound has to fall for phases to be forgotten
+_MOVING = 1e-10  # of the norm of a measure, below which a phase has no motion
 Constraint = tuple[float, ConeForm]
 
 
@@ -267,7 +269,7 @@ class Intersection(Average):
             # Constraints that do not hold ξ may go only where the value has fallen, and not for
             # ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen = k < _FORGETFUL and now < value - 1e-9 * abs(now)
+            fallen = k < _FORGETFUL and now < value - _FALLEN * abs(now)
             value = min(now, value)
             constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
@@ -408,7 +410,7 @@ class Intersection(Average):
     def _tidied(self, phases: Array, motions: Array) -> tuple[Array, Array]:
         """The same measure, with neighbouring phases joined to the best one between them where that
         costs no more."""
-        moving = np.linalg.norm(motions, axis=1) > 1e-10 * np.linalg.norm(motions)
+        moving = np.linalg.norm(motions, axis=1) > _MOVING * np.linalg.norm(motions)
         order = np.argsort(phases[moving])
         phases, motions = phases[moving][order], motions[moving][order]
         # Cut the circle at its widest gap.
@@ -432,7 +434,11 @@ class Intersection(Average):
             lambda s: self.source.sampled(s).support(v), phases[0] - reach, phases[-1] + reach
         )
         k = int(costs.argmin())
-        return (found[k : k + 1], v[None]) if costs[k] <= apart * (1 + 1e-14) else (phases, motions)
+        return (
+            (found[k : k + 1], v[None])
+            if costs[k] <= apart * (1 + FEW_ROUNDINGS)
+            else (phases, motions)
+        )
 
 
 def _worst(looked: Looked) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import ROUNDED_TERM
+from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDED_TERM, SYMMETRIC
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
@@ -90,15 +90,15 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
-        if (lopsided > 1e-10 * size).any():
-            k = int((lopsided - 1e-10 * size).argmax())
+        if (lopsided > SYMMETRIC * size).any():
+            k = int((lopsided - SYMMETRIC * size).argmax())
             reason = (
                 f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
             )
             raise DeclarationError("shape", reason, "Give a symmetric matrix")
         axes, squares, floor = _axes(S)
-        if (squares[:, 0] < -1e-12 * size).any():
-            k = int((squares[:, 0] + 1e-12 * size).argmin())
+        if (squares[:, 0] < -COMPUTED_ZERO * size).any():
+            k = int((squares[:, 0] + COMPUTED_ZERO * size).argmin())
             reason = f"it has the negative eigenvalue {squares[k, 0]:.6g}{self._when(phases[k])}"
             raise DeclarationError("shape", reason, "Give a positive semidefinite matrix")
         return axes, squares, floor

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
-from stickslip.numerics.levels import FEW_ROUNDINGS
+from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
@@ -205,7 +205,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     offsets = np.repeat(points, k, axis=1)
     size = np.abs(points).max(axis=(1, 2))
     offsets = np.einsum("mfn,mfn->mf", normals, offsets)
-    facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + 1e-15 * size[:, None])
+    facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + LAST_DIGITS * size[:, None])
     width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
     known = facet.any(axis=1) & (width > _FLAT * size)
     order = np.argsort(~facet, axis=1, kind="stable")[:, : max(int(facet.sum(axis=1).max()), 1)]

@@ -25,7 +25,7 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
-from stickslip.numerics.levels import CERTIFIED, ROUNDING
+from stickslip.numerics.levels import CERTIFIED, ENERGY_SCALE, ROUNDING
 from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
@@ -467,7 +467,7 @@ class Play(Result):
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
         excess = max(excess - ROUNDING * largest, 0.0)
-        force = max(force, 1e-6 * largest)
+        force = max(force, ENERGY_SCALE * largest)
         return PlayAudit(
             self._energy(np.append(after, before[-1]), self.z),
             np.concatenate([[0.0], np.cumsum(dissipated)]),
@@ -512,8 +512,8 @@ class Play(Result):
         yielding = float(
             max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus"))
         )
-        length = 1e-6 * yielding / self.bounds.stiffness
-        scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
+        length = ENERGY_SCALE * yielding / self.bounds.stiffness
+        scale = max(scale, ENERGY_SCALE * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
         gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
         measured = np.array([float(np.max(np.abs(balance))), audit.excess, gap])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.numerics.levels import SPAN_ENDS
+from stickslip.numerics.levels import SAME_VALUE, SPAN_ENDS
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.symbolic.boxes import Chord
 
@@ -276,7 +276,7 @@ def wrapped(s: Any) -> Any:
 def same_array(one: Array, other: Array) -> bool:
     """Whether two arrays agree up to the rounding of a smooth function."""
     return one.shape == other.shape and bool(
-        np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0))
+        np.allclose(one, other, rtol=SAME_VALUE, atol=SAME_VALUE * np.abs(one).max(initial=0))
     )
 
 
