@@ -23,7 +23,7 @@ EXEMPT = {
 }
 """Rooms whose functions may contain small numbers, and what these are."""
 SMALL = 1e-3
-EXPLAINED = re.compile(r"^([A-Z_]+) = [^#]+# .*For \w.*$")
+EXPLAINED = re.compile(r"^([A-Z_]+) = [^#]+# .+ For .+$")
 
 
 def unnamed(node: ast.AST, inside: bool = False) -> Iterator[ast.Constant]:
