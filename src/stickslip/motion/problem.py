@@ -43,7 +43,6 @@ _FINEST = 1e-16  # tolerance of local errors: less than half of ε, below which 
 _LEAST_ATOL = 1e-30  # of motions in any units: squares of what is compared with it do not underflow
 _LEAST_UNIT = 1e-6  # least size beside which errors of a state are measured, if atol ≪ rtol
 
-
 MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
 
 

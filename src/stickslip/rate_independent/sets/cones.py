@@ -15,8 +15,6 @@ from stickslip.errors import ConvergenceError, need
 from stickslip.numerics.levels import FEASIBLE
 
 _TIGHTEST = 1e-13  # of an interior-point method: as far as rounding lets it go
-
-
 _NONNEGATIVE = "nonnegative"
 _SECOND_ORDER = "second order"
 
