@@ -280,7 +280,7 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
         tangent = scipy.linalg.null_space(w[None])
         turn = np.linalg.solve(s * tangent.T @ bend @ tangent, tangent.T @ slope)
         length = np.linalg.norm(turn)
-        w = w - tangent @ turn * min(1.0, ratio(0.3, length))
+        w = w - tangent @ turn * min(1.0, ratio(0.3, float(length)))
         w = w / np.linalg.norm(w)
     way = [ex.num(float(x)) for x in w]
     h = plane.room_along(forces, way)
