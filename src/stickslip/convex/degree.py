@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable
 
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.symbolic.expressions import Expr, is_number, walk
-
-_ROUNDING = 1e-14  # of exponents, such as 3*(1/3)
 
 
 def degree(expression: Expr, names: Collection[str]) -> float | None:
@@ -61,6 +60,6 @@ def _common(degrees: Iterable[float | None]) -> float | None:
             return None
         if math.isnan(common):
             common = d
-        elif not math.isnan(d) and abs(d - common) > _ROUNDING * max(abs(d), abs(common)):
+        elif not math.isnan(d) and abs(d - common) > FEW_ROUNDINGS * max(abs(d), abs(common)):
             return None
     return common

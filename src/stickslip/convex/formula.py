@@ -20,6 +20,7 @@ from stickslip.convex.proof import BY_RULES, Proof, linear_guards
 from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator, evaluator_of_numbers
 from stickslip.symbolic.expressions import Expr
@@ -198,7 +199,7 @@ def convex_formula(
         convex = BY_RULES if shape in (AFFINE_SHAPE, CONVEX) else ""
         nonnegative = BY_RULES if ex.never_negative(like) else ""
     elif homogeneous:
-        slack = 1e-14 * looked.size
+        slack = FEW_ROUNDINGS * looked.size
         if ex.never_negative(value) or directions.nonnegative(value, slack):
             nonnegative = "by its bounds"
         convex = Proof(value, directions, looked.size).how

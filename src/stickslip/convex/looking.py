@@ -13,6 +13,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import LAST_DIGITS, SAME_VALUE
 
 _ANGLES = 360  # directions of a plane
 _PLANES = 24  # random ones
@@ -86,7 +87,7 @@ class LookedAt:
         v, others = self._rows()
         for factor in _FACTORS:
             scaled = self.value(factor * v, others)
-            off = np.abs(scaled - factor * self.values) - 1e-9 * factor * self.size
+            off = np.abs(scaled - factor * self.values) - SAME_VALUE * factor * self.size
             if not (off <= 0.0).all():
                 k = np.unravel_index(int(np.nan_to_num(off, nan=np.inf).argmax()), off.shape)
                 R = self.symbol
@@ -201,7 +202,7 @@ def looked_at(
         ]
     angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
     circle = np.array([np.cos(angles), np.sin(angles)])
-    circle[np.abs(circle) < 1e-15] = 0.0
+    circle[np.abs(circle) < LAST_DIGITS] = 0.0
     if n == 1:
         directions = np.array([[[1.0, -1.0]]])
     else:

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from stickslip.convex.directions import Directions
 from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 BY_RULES = "by its form"
 BY_BOUNDS = "by bounds of its second derivatives"
 _MOST_PIECES = 64
-_ROUNDING = 1e-14  # of slopes and values at borders, as a part of the formula's size
 
 
 class Proof:
@@ -37,7 +37,7 @@ class Proof:
     """
 
     def __init__(self, expression: Expr, directions: Directions, size: float) -> None:
-        self.slack: float = _ROUNDING * size
+        self.slack: float = FEW_ROUNDINGS * size
         self.pieces: int = 0
         self.bounded: bool = False
         found = self._is_convex(expression, directions)

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from stickslip.convex.directions import Directions
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import splits
 from stickslip.symbolic.expressions import Expr
 
 AFFINE_SHAPE, CONVEX, CONCAVE = 0, 1, -1
-_ROUNDING = 1e-14
 
 
 class ConvexRules:
@@ -143,7 +143,7 @@ def _together(shapes: Sequence[int]) -> int | None:
 
 def _whole(q: float) -> float:
     """An exponent, without the rounding of 1/(1/3)."""
-    return float(round(q)) if abs(q - round(q)) <= _ROUNDING * abs(q) else q
+    return float(round(q)) if abs(q - round(q)) <= FEW_ROUNDINGS * abs(q) else q
 
 
 def is_nonnegative_form(e: Expr, directions: Directions) -> bool:

@@ -16,6 +16,7 @@ from stickslip.kept import made_once
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.polynomials import in_own_piece
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -513,5 +514,5 @@ def vanishes(e: Expr) -> bool:
     for values in _random_values(names):
         terms = [constant, *(c * ex.evaluate(term, values) for term, c in parts)]
         if all(map(math.isfinite, terms)):
-            return abs(sum(terms)) <= 1e-12 * sum(map(abs, terms))
+            return abs(sum(terms)) <= COMPUTED_ZERO * sum(map(abs, terms))
     return False

@@ -17,12 +17,12 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.declared import Kind
 from stickslip.model.schema import entry_key
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_ROUNDED = 1e-12  # of numbers that are meant to be equal
 _POINTS = 6
 
 
@@ -154,7 +154,7 @@ def _equal(a: Expr, b: Expr) -> bool:
         pair = [_value(e)(point) for e in (a, b)]
         if all(map(math.isfinite, pair)):
             compared += 1
-            if abs(pair[0] - pair[1]) > _ROUNDED * max(map(abs, pair)):
+            if abs(pair[0] - pair[1]) > COMPUTED_ZERO * max(map(abs, pair)):
                 return False
     return compared > 0
 

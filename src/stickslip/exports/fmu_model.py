@@ -17,6 +17,7 @@ from stickslip.model.quantities import formula_unit, quantity
 from stickslip.model.system import System
 from stickslip.motion.stepper import Stepper, with_inputs
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import MOMENT
 from stickslip.symbolic.expressions import Expr
 
 MODEL_FILE = "model.json"
@@ -131,7 +132,7 @@ def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[st
         _check_holdable(system, name)
     stepper = Stepper(system, inputs=chosen)
     start, stop = system.span
-    stepper.advance(start + 1e-9 * (stop - start))
+    stepper.advance(start + MOMENT * (stop - start))
     motion = stepper.motion
     held = stepper.system.declaration
     used = _symbols_of(held)

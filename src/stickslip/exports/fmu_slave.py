@@ -42,9 +42,9 @@ from stickslip.exports.fmu_model import (
 from stickslip.model.entries.units import factors, lowest_terms
 from stickslip.motion.stepper import Stepper, StepperState
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import LEAST_RTOL, MOMENT
 
 _RTOL = 1e-10
-_SMALLEST_RTOL = 1e-13  # that motions have
 _STEPS = 500  # of the default experiment
 _OUTPUTS = ("output", "mode")
 _ROUNDING = 1e-9  # of a time, that importers add up
@@ -208,7 +208,7 @@ class SystemFmu(Fmi2Slave):
         saved = stepper.save()
         start, stop = self.model.system.span
         try:
-            stepper.advance(stepper.time + 1e-9 * (stop - start), self._of("input"))
+            stepper.advance(stepper.time + MOMENT * (stop - start), self._of("input"))
             return stepper.motion.at(saved.time)
         finally:
             stepper.restore(saved)
@@ -239,7 +239,7 @@ class SystemFmu(Fmi2Slave):
         """Take the time of the start; a tolerance makes the motion more accurate, never less."""
         self._begin = start_time
         if tolerance is not None:
-            self._rtol = min(_RTOL, max(float(tolerance), _SMALLEST_RTOL))
+            self._rtol = min(_RTOL, max(float(tolerance), LEAST_RTOL))
         self._stepper = None
 
     def exit_initialization_mode(self) -> None:

@@ -10,6 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.exports.tables import even_times, write_file
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import COMPUTED_ZERO
 
 _LOUDEST = 0.9  # of full scale: players that resample overshoot
 _FULL_SCALE = 2**15 - 1
@@ -53,7 +54,7 @@ def write_wav(values: Array, rate: int, path: str | Path) -> None:
 
     swing = values - np.mean(values)
     loudest = float(np.max(np.abs(swing)))
-    if not loudest > 1e-12 * float(np.max(np.abs(values))):
+    if not loudest > COMPUTED_ZERO * float(np.max(np.abs(values))):
         raise DeclarationError("quantity", "the quantity is constant, so the sound would be silent")
     sound = np.round(swing * (_LOUDEST * _FULL_SCALE / loudest)).astype(np.int16)
     write_file(path, lambda place: wavfile.write(place, rate, sound))

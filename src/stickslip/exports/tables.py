@@ -11,6 +11,7 @@ from stickslip import storage
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, need, short, suggestion
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import WHOLE_COUNT
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.results import Described, Result
 
@@ -95,7 +96,7 @@ def even_times(motion: Trajectory, step: float, key: str = "step") -> Array:
     first, last = float(motion.knots.time[0]), float(motion.knots.time[-1])
     if not 0.0 < step < np.inf:
         raise DeclarationError(key, f"{step:g} is not a positive number", "Give a positive number")
-    count = np.floor((last - first) / step * (1.0 + 1e-12)) + 1.0
+    count = np.floor((last - first) / step * (1.0 + WHOLE_COUNT)) + 1.0
     if count > _MOST_ROWS:
         raise DeclarationError(
             key,

@@ -43,6 +43,7 @@ from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
+from stickslip.numerics.ratios import ratio
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -161,9 +162,8 @@ class _Overview:
         closed = self.modes[key] != IS_OPEN
         time = self.motion.time
         lengths = np.diff(time)[: len(closed)]
-        share = float(np.sum(lengths[closed[: len(lengths)]])) / max(
-            float(time[-1] - time[0]), 1e-300
-        )
+        closed_for = float(np.sum(lengths[closed[: len(lengths)]]))
+        share = ratio(closed_for, float(time[-1] - time[0]))
         return key not in self.opening or share > _CLOSED_FOR
 
     def these(self, names: Iterable[str]) -> list[str]:

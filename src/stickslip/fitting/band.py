@@ -41,6 +41,7 @@ _APART = (0.03, 0.01, 0.1, 0.003, 1e-4)  # … and from where on the branch that
 _WIDER = 4.0
 _TRIES = 3
 _NEGLIGIBLE = 1e-12  # part of the largest variance below which a principal axis is left out
+_SAME_PERIOD = 1e-6  # relative difference of periods of one cycle
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -243,7 +244,7 @@ def _cycle_at(branch: Branch, i: int) -> Cycle:
     closed = from_state(problem, problem.initial_state(state), float(point["time"]))
     cycle = Cycle(system, parameters, closed)
     near = abs(cycle.period / float(point["period"]) - 1.0)
-    if near > 1e-6:
+    if near > _SAME_PERIOD:
         raise ConvergenceError("a cycle of the branch", "another cycle was found", "")
     return cycle
 

@@ -18,6 +18,7 @@ from stickslip.fitting.statistics import Statistics, statistics_of
 from stickslip.fitting.unknowns import FreeRange
 from stickslip.model.system import Formula, System
 from stickslip.motion.simulate import check_positive
+from stickslip.numerics.levels import TINIEST
 from stickslip.progress import told
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _NEAR_MINIMUM = 1e-2  # standard errors
 _AT_BOUND = 1e-6  # part of a bound within which an unknown is at it
 _UNLIKELY = 1e-3
 _SAME = 1e-6  # relative difference of costs of one minimum
+_NO_COST = 1e-12  # absolute: costs below it are those of data without errors, and the same
 
 
 @validated
@@ -143,7 +145,7 @@ def _notes(found: Search, s: Statistics) -> tuple[str, ...]:
     notes: list[str] = []
     if len(found.starts) > 1 and found.minima:
         least = min(m.cost for m in found.minima)
-        same = [m for m in found.minima if m.cost <= least * (1.0 + _SAME) + 1e-12]
+        same = [m for m in found.minima if m.cost <= least * (1.0 + _SAME) + _NO_COST]
         notes.append(
             f"{len(same)} of {len(found.minima)} completed starts converge to this minimum; a "
             "lower minimum is not excluded"
@@ -153,7 +155,7 @@ def _notes(found: Search, s: Statistics) -> tuple[str, ...]:
     notes += [f"{name} is not determined by these data" for name in s.undetermined]
     for u, value in zip(problem.unknowns, p, strict=True):
         for bound in (u.low, u.high):
-            if np.isfinite(bound) and abs(value - bound) <= _AT_BOUND * max(abs(bound), 1e-300):
+            if np.isfinite(bound) and abs(value - bound) <= _AT_BOUND * max(abs(bound), TINIEST):
                 notes.append(f"{u.label} is at its bound {bound:g}: its interval is not reliable")
     if s.weight < 1.0:
         notes.append(

@@ -21,6 +21,7 @@ from stickslip.model.system import Formula, System
 from stickslip.motion.problem import pose
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.orbits.sensitivities.quantities import read_observations
 
 if TYPE_CHECKING:
@@ -503,7 +504,7 @@ def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
     same = [c.values for m in measured for c in m.columns if c.name == column.name]
     every = np.concatenate(same)
     spread = float(np.std(every))
-    if spread <= 1e-14 * float(np.max(np.abs(every))):
+    if spread <= FEW_ROUNDINGS * float(np.max(np.abs(every))):
         raise DeclarationError(
             f"column '{column.name}'",
             f"all {len(every)} values are {every[0]:g}, so there is nothing to fit",

@@ -23,6 +23,7 @@ _FASTER = 1.3  # growth of the steps
 _STEPS = 24  # on a side
 _BEYOND = 1.3  # times the limit up to which it is followed
 _WHOLE = 0.25  # first step where nobody knows how well an unknown is determined, in its size
+_NO_MOVE = 1e-9  # part of a value by which a step towards a bound has to change it
 
 
 class Profiled(NamedTuple):
@@ -97,7 +98,7 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
             break
         # Not onto a bound that may be excluded.
         move = step if step < room else 0.5 * room
-        if move <= 1e-9 * max(abs(value), abs(bound) if math.isfinite(bound) else 0.0):
+        if move <= _NO_MOVE * max(abs(value), abs(bound) if math.isfinite(bound) else 0.0):
             break
         value += sign * move
         p = _moved_to(fit, j, value, p)

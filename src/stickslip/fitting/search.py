@@ -21,6 +21,8 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.fitting.problem import LOSSES, FitProblem, NoDerivative
 from stickslip.fitting.unknowns import spread_starts
+from stickslip.numerics.levels import SAME_VALUE
+from stickslip.numerics.ratios import ratio
 
 _SHARES = (0.125, 0.25, 0.5)
 _ROWS = 16  # that a part of a recording has at least
@@ -32,6 +34,9 @@ _BESIDE = 1e-7  # relative change to where a motion has a derivative
 _IRRATIONAL = (math.sqrt(5.0) - 1.0) / 2.0
 _TRIES = 3
 _NOTHING = 1e-13  # part of its size by which a residual changes that does not depend on an unknown
+_SETTLED = 1e-4  # relative change of estimated errors after which they are known
+_OF_STARTS = 1e-4  # tolerance of starts, of which the best are improved
+_DIFFERENCE = 1e-4  # relative step of differences, before Richardson's extrapolation
 
 
 class Minimum(NamedTuple):
@@ -137,10 +142,12 @@ def _with_noise(found: Search) -> None:
         if sigma is None:
             return
         change = float(np.max(np.abs(np.log(sigma / found.problem.sigma))))
-        shared = np.ptp(sigma / found.problem.sigma) <= 1e-9 * np.max(sigma / found.problem.sigma)
+        shared = np.ptp(sigma / found.problem.sigma) <= SAME_VALUE * np.max(
+            sigma / found.problem.sigma
+        )
         found.problem = found.problem.with_sigma(sigma)
         again = not shared or found.problem.loss != "linear"
-        if not again or change < 1e-4:
+        if not again or change < _SETTLED:
             cost = cost_of(found.problem, found.best.p)
             found.best = found.best._replace(cost=cost)
             return
@@ -204,7 +211,7 @@ class _Coordinates:
         self.origin = origin
         unknowns = problem.unknowns
         boxes = [[float(u.to_search(end)) for end in u.box] for u in unknowns]
-        self.weight = drawn / np.array([max(high - low, 1e-300) for low, high in boxes])
+        self.weight = ratio(drawn, np.array([high - low for low, high in boxes]))
         low, high = np.array([u.searched for u in unknowns]).T
         self.low, self.high = low, high
 
@@ -244,7 +251,7 @@ def _descend(problem: FitProblem, p: Array, rough: bool = False) -> Minimum:
     u = np.array([float(k.to_search(x)) for k, x in zip(problem.unknowns, p, strict=True)])
     inside = _Coordinates(problem, u, _DRAWN if rough else 0.0)
     known = not problem.estimated
-    tolerance = 1e-4 if rough else _TOLERANCE
+    tolerance = _OF_STARTS if rough else _TOLERANCE
     try:
         end = least_squares(
             inside.residuals,
@@ -296,7 +303,7 @@ def _by_differences(problem: FitProblem, p: Array, first: NoDerivative) -> Array
     """Richardson's extrapolation of differences of residuals."""
     columns = []
     for j in range(len(p)):
-        h = 1e-4 * max(abs(p[j]), 1e-3)
+        h = _DIFFERENCE * max(abs(p[j]), 1e-3)
         step = np.eye(len(p))[j] * h
         rough, fine = (
             (problem.residuals(p + s * step) - problem.residuals(p - s * step)) / (2.0 * s * h)

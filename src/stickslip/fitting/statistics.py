@@ -28,6 +28,7 @@ _SIGNIFICANT = 3.0  # standard deviations of a correlation
 _SINGULAR = 1e-8  # of the largest singular value, below which a direction is not determined
 _TAKES_PART = 0.1  # of a direction that is not determined, from which on an unknown is named
 _FEW = 8  # data of which nobody says how they are distributed
+_DIFFERENCE = 1e-5  # step of a central difference, in standard deviations: about the cube root of ε
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _gain(problem: FitProblem, r: Array) -> float:
     """Mean slope of ψ."""
     if problem.loss == "linear":
         return 1.0
-    h = 1e-5
+    h = _DIFFERENCE
     ends = [LOSSES[problem.loss]((r + s) ** 2)[1] * (r + s) for s in (h, -h)]
     return max(float(np.mean(ends[0] - ends[1])) / (2.0 * h), 1e-3)
 

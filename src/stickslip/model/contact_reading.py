@@ -16,6 +16,7 @@ from stickslip.model.entries.units import check_unit
 from stickslip.model.names import parse_range
 from stickslip.model.schema import PLANAR, entry_key
 from stickslip.model.system import Contact, Side, Unilateral
+from stickslip.numerics.levels import BODIES_OVERLAP, COMPUTED_ZERO, TINIEST
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
@@ -143,8 +144,8 @@ class _Contacts:
         most = max(abs(self.reader.start[q]) for q in self.result.inertial)
         others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
         held = any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others)
-        if not held and here < -1e-12 * max(
-            size_of_terms(gap, self.reader.start), 1e-3 * most, 1e-300
+        if not held and here < -BODIES_OVERLAP * max(
+            size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST
         ):
             raise DeclarationError(
                 f"{where}.gap",
@@ -540,7 +541,7 @@ class _Contacts:
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
             self._check_threshold(static, f"{where}.threshold", _REMEDY)
             at_rest = ex.evaluate(sliding_force, values)
-            if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
+            if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + COMPUTED_ZERO):
                 raise DeclarationError(
                     f"{where}.kinetic",
                     f"the kinetic force at rest is {at_rest:g}, which is not between 0 and the "
@@ -559,7 +560,7 @@ class _Contacts:
             ]
             plus, minus, *sliding = slopes
             if not all(
-                0.0 <= slope <= static * (1 + 1e-12)
+                0.0 <= slope <= static * (1 + COMPUTED_ZERO)
                 for slope, static in zip(sliding, (plus, minus), strict=True)
             ):
                 raise DeclarationError(
@@ -606,7 +607,7 @@ class _Contacts:
         here = ex.evaluate(threshold, values)
         if not 0.0 <= here < math.inf:
             raise DeclarationError(where, f"its value is {here:g} at the initial state", remedy)
-        if low < -1e-12 * abs(high):
+        if low < -COMPUTED_ZERO * abs(high):
             if not threshold.symbols & (self.reader.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:

@@ -23,6 +23,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 Unit = tuple[tuple[str, Fraction], ...]
 _NUMBER: Unit = ()
+_AS_FRACTION = 1e-12  # relative: a number given with all digits that is a fraction of small ones
 _NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)  # of coefficients that hide no unit
 
 
@@ -337,6 +338,6 @@ def _is_plain(c: float) -> bool:
     for value in (c, c / pi, c * pi):
         near = Fraction(value).limit_denominator(_DENOMINATORS[-1])
         plain = abs(near.numerator) <= _NUMERATOR and near.denominator in _DENOMINATORS
-        if plain and abs(float(near) - value) <= 1e-12 * abs(value):
+        if plain and abs(float(near) - value) <= _AS_FRACTION * abs(value):
             return True
     return False

@@ -12,6 +12,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.entries.units import check_unit, with_unit
 from stickslip.model.schema import entry_key
 from stickslip.model.system import Drive, Output, Parameter
+from stickslip.numerics.levels import SPAN_ENDS
 from stickslip.symbolic.formulas import (
     Definition,
     TimeFunction,
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 _INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
 _M = TypeVar("_M")
-_NEAR = 1e-9  # part of a record that is no more than rounding of its ends
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def parts_left_out(
         if not drive.ends:
             continue
         first, last = drive.span
-        near = _NEAR * (last - first)
+        near = SPAN_ENDS * (last - first)
         if first < start - near:
             begins, begun = (with_unit(t, unit) for t in (first, start))
             found.append(f"record '{name}' begins at {begins}, the motion at {begun}")

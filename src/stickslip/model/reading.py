@@ -24,6 +24,7 @@ from stickslip.model.entries.keys import NORMAL, normal_force
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, measured_drives
 from stickslip.model.schema import check_shape, entry_key
+from stickslip.numerics.levels import ON_SURFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Indexed, Scope, compared, is_finite
@@ -540,7 +541,7 @@ class DeclarationReader:
             tested += [ex.along(guard, shift) for guard in terms_by_guard(formula)]
             for moved in states:
                 if any(
-                    abs(ex.evaluate(probe, moved)) > 1e-9 * size_of_terms(probe, moved)
+                    abs(ex.evaluate(probe, moved)) > ON_SURFACE * size_of_terms(probe, moved)
                     for probe in tested
                 ):
                     raise DeclarationError(

@@ -41,6 +41,7 @@ from stickslip.model.system import (
     Unilateral,
     Viscous,
 )
+from stickslip.numerics.levels import CONSTRAINT_KEPT
 from stickslip.structures.names import entry_of, is_entry
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import (
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
 _OF_CURVES = ("kind", "outside")  # what laws of points have besides parameters
-_HELD = 1e-9  # of the coordinates: by how much a constraint may be violated at the start, at most
 _Part = TypeVar("_Part")
 
 
@@ -486,7 +486,7 @@ class _WrittenOut:
         if not held.symbols <= values.keys():
             return  # refused as a gap
         here = ex.evaluate(held, values)
-        if not abs(here) <= _HELD * max([1.0, *map(abs, state.values())]):
+        if not abs(here) <= CONSTRAINT_KEPT * max([1.0, *map(abs, state.values())]):
             raise DeclarationError(
                 where,
                 f"it is {here:g} at the initial state, but must be zero",

@@ -28,20 +28,19 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, within
 from stickslip.motion.record.knots import Knots
+from stickslip.numerics.levels import CERTIFIED, ROUNDED_SUM
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
-_TOLERANCE = 1e-9  # limit of all residuals, at least
-_ACCURACY = 10.0  # … and so many times rtol
-_ROUNDING = 1e-13  # of components of one kind, relative to the largest
+_ACCURACY = 10.0  # times rtol: limit of residuals, if that is more than `CERTIFIED`
 _TOUCHING = 1e-9  # gap of bodies that touch, relative to the largest coordinate of the motion
 
 
 def certify_trajectory(trajectory: Trajectory) -> Certificate:
     """Measure a trajectory against energy balance, friction law and equations of motion."""
-    tolerance = max(_TOLERANCE, _ACCURACY * trajectory.rtol)
+    tolerance = max(CERTIFIED, _ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
     measured: list[tuple[str, float]] = [*zip(NAMES, values, strict=True)]
     if trajectory.start is not None:
@@ -66,7 +65,7 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
     n = trajectory._problem.compiled.layout.sizes["nq"]
     for kind in (slice(0, n), slice(n, 2 * n)):
         # Rounding of one component is projected onto the others of its kind.
-        rounding = _ROUNDING * float(np.max(sizes[kind], initial=0.0))
+        rounding = ROUNDED_SUM * float(np.max(sizes[kind], initial=0.0))
         missed[kind] = np.where(missed[kind] <= rounding, 0.0, missed[kind])
     if _collides(trajectory, start):
         missed[n : 2 * n] = 0.0  # The first knot is behind an impact, which is one of velocities.

@@ -28,6 +28,7 @@ from stickslip.model.entries.units import factors, unit_product, unit_text, with
 from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
 from stickslip.model.system import System
 from stickslip.motion.simulate import run_loop
+from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import Completion, Result, restored_certificate
 from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
@@ -39,12 +40,10 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
-_ROUNDED = 1e-14  # relative, of a time that is a sum
 _EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
 _MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
 _LOOKS = 33  # at rates in a step
 _MOST_STEPS = 10_000_000  # events of a motion that is followed again
-_HALVINGS = 60  # of a stretch in which a rate passes its limit
 _NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 
@@ -270,7 +269,7 @@ class EventCatalogue(Result):
                 )
             ends = [before.span[0], *(before["start"] + before["duration"]).values[-1:].tolist()]
             # start + duration is rounded
-            if piece.span[0] < max(ends) - _ROUNDED * abs(max(ends)):
+            if piece.span[0] < max(ends) - FEW_ROUNDINGS * abs(max(ends)):
                 raise DeclarationError(
                     "pieces",
                     f"a catalogue begins at {piece.span[0]:g}, before the end {max(ends):g} of "
@@ -463,7 +462,7 @@ def _fast_stretches(motion: Trajectory, names: Sequence[str], rate: float) -> tu
     before = fast[change]
     # Where the rate jumps between two steps, both are the same time.
     own = index[change]
-    for _ in range(_HALVINGS):
+    for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         now = np.max(_rates(motion, names, middle, own), axis=1, initial=0.0) > rate
         same = now == before

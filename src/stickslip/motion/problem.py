@@ -29,6 +29,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
+from stickslip.numerics.levels import LEAST_RTOL
 from stickslip.stopping.scopes import flagged
 from stickslip.structures.coordinates import start_of
 from stickslip.symbolic import expressions as ex
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from stickslip.equations.native.systems import CompiledSystem
     from stickslip.motion.affine.forms import ClosedForms, Flight
 
+_FINEST = 1e-16  # tolerance of local errors: less than half of ε, below which steps only shrink
+_LEAST_ATOL = 1e-30  # of motions in any units: squares of what is compared with it do not underflow
+_LEAST_UNIT = 1e-6  # least size beside which errors of a state are measured, if atol ≪ rtol
 
 MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
 
@@ -174,7 +178,7 @@ class Problem:
     def retrace(self) -> tuple[float, float]:
         """Tolerances for following a motion again between its knots: finer than those that found
         it."""
-        return max(1e-2 * self.tolerance, 1e-16), 1e-3 * self.atol
+        return max(1e-2 * self.tolerance, _FINEST), 1e-3 * self.atol
 
     @cached_property
     def closed_forms(self) -> ClosedForms:
@@ -299,14 +303,19 @@ def pose(
         )
     values = {**system.values, **{k: v for k, v in (parameters or {}).items()}}
     system.declaration.check_parameters(values)
-    for name, value, low, high in (("rtol", rtol, 1e-13, 1e-3), ("atol", atol, 1e-30, 1.0)):
+    for name, value, low, high in (
+        ("rtol", rtol, LEAST_RTOL, 1e-3),
+        ("atol", atol, _LEAST_ATOL, 1.0),
+    ):
         if not (isinstance(value, (int, float)) and low <= value <= high):
             raise DeclarationError(
                 name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}"
             )
     # Global quality: local steps are kept three digits finer than asked for; with Taylor series
     # that is nearly free.
-    tolerance = max(1e-3 * rtol, 1e-16)
+    tolerance = max(1e-3 * rtol, _FINEST)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
     numbers = {name: float(value) for name, value in values.items()}
-    return Problem(system, numbers, order, tolerance, max(atol / rtol, 1e-6), exact, origin=origin)
+    return Problem(
+        system, numbers, order, tolerance, max(atol / rtol, _LEAST_UNIT), exact, origin=origin
+    )

@@ -10,7 +10,7 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.motion.affine.flights import mode_key
 from stickslip.motion.affine.forms import AFFINE
 from stickslip.motion.record.knots import Knots
-from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.numerics.levels import GUARD_MARGIN, ROUNDED_SUM, ROUNDING
 from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
@@ -47,15 +47,15 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     sizes: Array = np.abs(s)
     rates: Array = T.exponent[slot, :blocks]
     r: Array = T.R[slot, :blocks] @ s
-    excited = np.abs(r) > 1e-13 * (np.abs(T.R[slot, :blocks]) @ sizes)
+    excited = np.abs(r) > ROUNDED_SUM * (np.abs(T.R[slot, :blocks]) @ sizes)
     drift = T.c1[slot] @ s
     terms = np.abs(T.c1[slot]) @ sizes
-    if np.any(np.abs(drift) > 1e-13 * terms) or np.any(excited & (rates.real >= 0.0)):
+    if np.any(np.abs(drift) > ROUNDED_SUM * terms) or np.any(excited & (rates.real >= 0.0)):
         return False
     coefficients: Array = T.a[slot, :guards, :blocks]
     constant = T.G[slot, :guards] @ s - (coefficients @ r).real
     bound = T.swing[slot, :guards, :blocks] @ np.abs(r)
-    margin = 1e-12 * (np.abs(T.G[slot, :guards]) @ sizes)
+    margin = GUARD_MARGIN * (np.abs(T.G[slot, :guards]) @ sizes)
     # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
     # chosen.
     inert = bound <= margin

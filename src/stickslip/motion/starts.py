@@ -13,14 +13,14 @@ from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import NORMAL
 from stickslip.model.schema import entry_key
 from stickslip.motion.problem import Problem
+from stickslip.numerics.levels import BODIES_OVERLAP, CONSTRAINT_KEPT
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_HELD = 1e-9  # of the coordinates: how far from its constraint a start may be, at most
-_OVERLAP = 1e-12  # … and how far bodies may overlap
 _MOST_STEPS = 8  # of Newton's method onto constraints
 _MOST_NAMED = 6  # coordinates in a message
+_EXCESS = 1e-9  # of a threshold, by which rounding of a start may put a held force beyond it
 
 
 class _Gaps:
@@ -88,7 +88,7 @@ class _Openings:
         size = np.maximum(self.of.sizes(self.values), 1e-3 * most)
         held = self.of.held
         self.off: Array = np.where(held, np.abs(self.gaps), np.maximum(-self.gaps, 0.0))
-        self.most: Array = np.where(held, _HELD, _OVERLAP) * size
+        self.most: Array = np.where(held, CONSTRAINT_KEPT, BODIES_OVERLAP) * size
 
     def moved(self, i: int) -> Array:
         """Coordinates of a motion on the nearest state that is right."""
@@ -195,7 +195,7 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         if first.kind == Kind.RATE_INDEPENDENT:
             held = math.hypot(*(ex.evaluate(e, values) for e in plane.pull))
             most = ex.evaluate(plane.static, values)
-            if held > most * (1.0 + 1e-9):
+            if held > most * (1.0 + _EXCESS):
                 names = [next(iter(equations.contacts[i].direction)) for i in plane.parts]
                 raise DeclarationError(
                     f"initial.{names[0]}",
@@ -209,7 +209,7 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         held = ex.evaluate(force, values)
         plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)
         excess = max(-plus - held, held - minus)
-        if excess > 1e-9 * (abs(held) + plus + minus):
+        if excess > _EXCESS * (abs(held) + plus + minus):
             name = next(iter(c.direction))
             raise DeclarationError(
                 f"initial.{name}",

@@ -25,6 +25,7 @@ from stickslip.motion.record.audited import Audit, audited, work_in_steps
 from stickslip.motion.record.knots import IS_OPEN, Knots
 from stickslip.motion.record.order import as_asked, in_order
 from stickslip.motion.record.switches import Switches, flags_of_modes
+from stickslip.numerics.levels import ON_SURFACE
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
@@ -136,7 +137,7 @@ class Trajectory(Result):
             felt = jump.guard.symbols & sizes.keys()
             slopes = {name: ex.evaluate(ex.derivative(jump.guard, name), values) for name in felt}
             size = sum(abs(slope * sizes[name]) for name, slope in slopes.items())
-            if abs(ex.evaluate(jump.guard, values)) <= 1e-9 * size:
+            if abs(ex.evaluate(jump.guard, values)) <= ON_SURFACE * size:
                 found.append(jump.name)
         return found
 

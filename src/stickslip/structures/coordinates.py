@@ -9,14 +9,13 @@ import numpy as np
 
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import made_once
+from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.structures.damping import ModalDamping, ProportionalDamping
 from stickslip.structures.names import entry_of, is_entry
 from stickslip.structures.structure import Structure, UnknownKey
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Indexed, is_finite
-
-_NOTHING = 1e-15  # of the largest entry of a row: what is rounding of a mode that is zero there
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ class InModes:
     def weights(self, index: int) -> dict[int, float]:
         """Of the modes that move an unknown, by number, how much."""
         row = self.structure.shape_at(index)
-        large = np.abs(row) > _NOTHING * np.max(np.abs(row), initial=0.0)
+        large = np.abs(row) > LAST_DIGITS * np.max(np.abs(row), initial=0.0)
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
 
     def damping_formulas(self) -> list[str]:

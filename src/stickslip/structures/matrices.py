@@ -10,17 +10,18 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.numerics.levels import EXACT_RANK
 
 Symmetric = Any
 """A matrix: an array, or a sparse one of SciPy in compressed columns."""
 
 _ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ from symmetric
-_SINGULAR = 1e-12  # pivots of a matrix with unit diagonal that may be rounding
 _MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
 _COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
 _APART = 0.05  # of the lowest ω²: how far below it a shift is
 _SPREAD = 10.0  # times the lowest ω², in which so many lie that a shift pays
 _FULL = 400  # unknowns below which full matrices are faster
+_SHIFT = 1e-10  # of the largest ratio of diagonals: makes a stiffness with rigid motions regular
 
 
 def is_sparse(matrix: Symmetric) -> bool:
@@ -181,7 +182,7 @@ class Factored:
     @property
     def singular(self) -> bool:
         """Whether it has an eigenvalue that is zero up to rounding."""
-        return self.least < _SINGULAR
+        return self.least < EXACT_RANK
 
 
 def factored(matrix: Symmetric, solving: bool = True, blocks: Array | None = None) -> Factored:
@@ -292,7 +293,7 @@ def _shifted(
 
     factor, shift = factor or factored(stiffness), 0.0
     if factor.singular or factor.negative:
-        shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
+        shift = _SHIFT * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
 
     def nearer(values: Array) -> Callable[[Array], Array] | None:

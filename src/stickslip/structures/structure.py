@@ -14,6 +14,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property, kept, made_once
+from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDING
 from stickslip.structures import matrices
 from stickslip.structures.damping import (
     Coefficient,
@@ -32,7 +33,6 @@ UnknownKey = int | str
 Method = Literal["craig-bampton", "modal"]
 _ALL = 50  # unknowns that results show
 _SHOWN = 6  # frequencies in a summary
-_ROUNDED = 64.0 * np.finfo(float).eps  # of an entry, what may be rounding
 
 
 @dataclass(frozen=True)
@@ -594,7 +594,7 @@ def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
     """Refuse a matrix with an eigenvalue that is negative beyond rounding."""
     diagonal = np.abs(matrix.diagonal())
     spread = float(np.max(diagonal, initial=0.0)) or 1.0
-    small = 1e-12 * np.where(diagonal > 0.0, diagonal, spread)
+    small = COMPUTED_ZERO * np.where(diagonal > 0.0, diagonal, spread)
     if is_sparse(matrix):
         from scipy.sparse import diags_array
 
@@ -644,7 +644,7 @@ def _proportional(
             found += np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
             apart = damping - sum(c * part for c, part in zip(found, parts, strict=True))
         terms = sum(abs(c * part) for c, part in zip(found, parts, strict=True))
-        if np.all(found >= 0.0) and (abs(apart) - _ROUNDED * (abs(damping) + terms)).max() <= 0.0:
+        if np.all(found >= 0.0) and (abs(apart) - ROUNDING * (abs(damping) + terms)).max() <= 0.0:
             alpha = found[0] if parts[0] is mass else 0.0
             beta = found[-1] if parts[-1] is stiffness else 0.0
             return ProportionalDamping(float(alpha), float(beta))

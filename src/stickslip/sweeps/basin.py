@@ -26,6 +26,7 @@ from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate import simulate, with_span
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
@@ -414,7 +415,7 @@ class _Census:
                     NearCycle(cycle).distance(f.state[left[near]], f.time[left[near]]) < _ARRIVED
                 )
             else:
-                span = np.maximum(f.high[first] - f.low[first], 1e-300)
+                span = np.maximum(f.high[first] - f.low[first], TINIEST)
                 ends = np.maximum(
                     np.abs(f.low[left] - f.low[first]), np.abs(f.high[left] - f.high[first])
                 )

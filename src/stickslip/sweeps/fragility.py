@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from stickslip.sweeps.map import Map
 
 _LEVEL = 1.959963984540054  # standard deviations within which 95 % are
+_GRADIENT = 1e-9  # of a likelihood, at which BFGS ends
 _ITS_OWN = ("share", "low", "high", "records")
 _FITTED = ("median", "dispersion")
 
@@ -285,7 +286,7 @@ def lognormal_fit(x: Array, beyond: Array, total: Array) -> tuple[float, float]:
         return value, -np.array([np.sum(slope), np.sum(slope * z)])
 
     start = np.array([0.0, 1.0])
-    a, b = minimize(surprise, start, jac=True, method="BFGS", options={"gtol": 1e-9}).x
+    a, b = minimize(surprise, start, jac=True, method="BFGS", options={"gtol": _GRADIENT}).x
     if b <= 0.0:  # the more, the fewer
         return math.nan, math.nan
     return math.exp(centre - width * a / b), width / b

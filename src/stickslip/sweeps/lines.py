@@ -32,6 +32,7 @@ from stickslip.model.quantities import contact_key, described, described_as, qua
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.problem import pose
+from stickslip.numerics.levels import COMPUTED_ZERO, HARMONICS_KNOWN
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
@@ -56,7 +57,6 @@ _COLUMNS = ("line", "amplitude", "harmonic", "phase", "stick", "period", "stable
 _DIRECTIONS = ("up", "down")
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
 _APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
-_EXACT = 1e-9  # to which harmonics have to be known
 _BETWEEN = 5  # largest responses between two levels
 _FIRST = 0.004  # part of the range in which a largest response is looked for at first
 _PEAK = 1e-6  # to which the frequency of a largest response is known; the response to its square
@@ -261,7 +261,7 @@ class _Level:
                 self.parameter, "the frequency is zero within its range", "Exclude this value"
             )
         low, high = map(self.clock.period, ends)
-        if abs(high - low) <= 1e-12 * high:
+        if abs(high - low) <= COMPUTED_ZERO * high:
             raise DeclarationError(
                 self.parameter,
                 f"it does not change the period of the drives, {high:.9g}",
@@ -628,7 +628,10 @@ def _certificate(found: list[_Lines]) -> Certificate:
     missed = float(sum(one.missed for one in found))
     more = (
         Residual(
-            "first harmonics", known, _EXACT, note="change in the last refinement of the panels"
+            "first harmonics",
+            known,
+            HARMONICS_KNOWN,
+            note="change in the last refinement of the panels",
         ),
         Residual("swept motions that are not on a line", missed, 0.0),
     )

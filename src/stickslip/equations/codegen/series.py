@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import LEAST_PIVOT
 from stickslip.translator import compiled, fma
 
 # What ``jets`` returns: a linear problem has no solution, or a mass matrix is not definite.
 SINGULAR = 1
 INDEFINITE = 6
-LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero
 # What has become of a column of :func:`shared_inverse`.
 _TO_DO, _DONE, _SHARED = 0.0, -1.0, 1.0
 

@@ -7,8 +7,9 @@ Every product that is added is rounded once, together with the sum.
 from __future__ import annotations
 
 from stickslip.arrays import Matrix, Vector
-from stickslip.equations.codegen.series import LEAST_PIVOT, eliminated, shared_inverse
+from stickslip.equations.codegen.series import eliminated, shared_inverse
 from stickslip.machine_code.functions import Kernel
+from stickslip.numerics.levels import LEAST_PIVOT
 from stickslip.translator import fma
 
 

@@ -21,6 +21,7 @@ from stickslip.equations.native.kernels import (
 )
 from stickslip.equations.native.routines import Routine
 from stickslip.machine_code.functions import Kernel
+from stickslip.numerics.levels import ROUNDING
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar
 from stickslip.symbolic.tape import (
@@ -32,7 +33,6 @@ from stickslip.symbolic.tape import (
 from stickslip.translator.assembly import REAL, Register
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
-_NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a speed is zero
 SMALL_MATRIX = 8  # rows of a matrix up to this length are written out
 # Where a search for a zero begins: the largest number, and the least that has all its digits.
 _FARTHEST = 1.7976931348623157e308
@@ -398,7 +398,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
     if k == 0:
         parts = [s.get(row, 0) for row in sides]
         speed = s.function("llvm.sqrt.f64", s.total([(u, u) for u in parts]))
-        still = s.test("ole", speed, s.times(_NOTHING, s.get(size, 0)))
+        still = s.test("ole", speed, s.times(ROUNDING, s.get(size, 0)))
         own = s.select(is_given, s.stored(r, 0), s.select(still, 0.0, speed))
         s.put(r, 0, s.select(free, 0.0, own))
     first = s.get(r, 0)

@@ -11,13 +11,13 @@ from typing import Any
 from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
 from stickslip.equations.native.kernels import reached
 from stickslip.machine_code.interface import INTERFACE
+from stickslip.numerics.levels import ROUNDING
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 from stickslip.symbolic.scalars import Scalar, Store, numeral
 from stickslip.symbolic.tape import scalars_of
 from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register, of_type
 from stickslip.translator.values import FunctionType, declared_type
 
-_NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 _GIVEN = frozenset({"p", "y", "mode", "reg", "K", "Rq", "Rz"})
 """Arrays that a function only reads."""
 
@@ -222,7 +222,7 @@ class Routine(Arithmetic):
             power = self.select(rooted, self.function(root, a), power)
         elif p <= 0.0:
             return self._defined(power, a, p)
-        small = self.test("ole", self.modulus(a), self.times(_NOTHING, size))
+        small = self.test("ole", self.modulus(a), self.times(ROUNDING, size))
         if not isinstance(p, float):
             power = self._defined(power, a, p)
             small = self.both(small, self.test("ogt", p, 0.0))

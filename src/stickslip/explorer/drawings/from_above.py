@@ -12,6 +12,7 @@ from stickslip.display.symbols import unicode_symbol
 from stickslip.explorer.drawings.parts import Scene, disc, label, path
 from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
+from stickslip.numerics.ratios import ratio
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -54,7 +55,7 @@ def bodies_from_above(
     up = np.concatenate([values[y] for _, y in bodies])
     middle = [float(np.min(v) + np.max(v)) / 2.0 for v in (across, up)]
     room = [
-        (size - _AIR) / max(float(np.ptp(v)), 1e-300)
+        ratio(size - _AIR, float(np.ptp(v)))
         for size, v in zip((_WIDTH, _HEIGHT), (across, up), strict=True)
     ]
     scale = min(room) if max(np.ptp(across), np.ptp(up)) > 0.0 else 1.0

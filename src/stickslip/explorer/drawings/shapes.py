@@ -11,6 +11,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.explorer.drawings.parts import Scene, curve, disc, label, rod
 from stickslip.model.quantities import contact_key
+from stickslip.numerics.ratios import ratio
 
 if TYPE_CHECKING:
     from stickslip.model.system import System
@@ -105,9 +106,9 @@ def line_of(shapes: Array, marked: set[int]) -> list[int]:
     def rough(each: int) -> float:
         lowest = shapes[:, :_MODES]
         lines = [lowest[first::each] for first in range(each)]
-        sizes = [np.maximum(np.ptp(line, axis=0), 1e-300) for line in lines]
+        sizes = [np.ptp(line, axis=0) for line in lines]
         turns = [np.abs(np.diff(line, axis=0)).sum(axis=0) for line in lines]
-        return float(np.mean([turn / size for turn, size in zip(turns, sizes, strict=True)]))
+        return float(np.mean([ratio(turn, size) for turn, size in zip(turns, sizes, strict=True)]))
 
     possible = [each for each in _EACH if n % each == 0 and n >= 3 * each] or [1]
     roughness = {each: rough(each) for each in possible}

@@ -28,6 +28,7 @@ from stickslip.figures.drawing.thinning import Curve
 from stickslip.kept import cached_property
 from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import contact_key, quantity
+from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
-_ROUNDING = 1e-13  # part of the largest terms of a sum that is none of it
 _ROUND = 181  # points of an ellipse
 _FINE = 1441  # and of what a formula makes
 _SPHERE = 4001  # directions of a face
@@ -215,7 +215,7 @@ class InPlane:
         assert self.directions is not None
         motion = self.trajectory
         state = dict(zip(motion.system.declaration.state, motion.knots.state.T, strict=True))
-        return _ROUNDING * max(
+        return ROUNDED_SUM * max(
             sum(abs(w) * float(np.max(np.abs(state[x]))) for x, w in weights.items() if x in state)
             for weights in self.directions
         )

@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import LEAST_PIVOT, SAME_VALUE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -83,7 +84,7 @@ def check_definite(
     own = [abs(row.get(i, 0.0)) for i, row in enumerate(rows)]
     scale = [math.sqrt(a or b or 1.0) for a, b in zip(own, largest, strict=True)]
     rows = [{j: a / scale[i] / scale[j] for j, a in row.items()} for i, row in enumerate(rows)]
-    small = 1e-13
+    small = LEAST_PIVOT
     whole = [dict(row) for row in rows] if semi else []
     for k, row in enumerate(rows):
         pivot = row.pop(k, 0.0)
@@ -169,7 +170,7 @@ def jumps_through(
             for shift in (0.0, near, -near)
         )
         scale = max(abs(value) for side in around for value in side[1:])
-        jumps = abs(off) <= 1e-9 * abs(steep) * near and abs(one - other) > 1e-9 * scale
+        jumps = abs(off) <= SAME_VALUE * abs(steep) * near and abs(one - other) > SAME_VALUE * scale
         found.append(math.copysign(one - other, (one - other) * steep) if jumps else 0.0)
     return found
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ONE_ULP, ROUNDED_TERM
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
@@ -31,11 +32,10 @@ if TYPE_CHECKING:
 
 
 SIDES = ("even", "odd", "gate")
-NEAR_SAMPLE = 16.0 * 2.3e-16  # part of the largest time within which a time is that of a sample
+NEAR_SAMPLE = 16.0 * ONE_ULP  # part of the largest time within which a time is that of a sample
 
 INTEGRAL = "integral_"  # what the name of an integral begins with
 _END = 1e-9  # part of the largest break within which a place is at an end of a table
-_ROUNDED = 4e-16  # error of a polynomial for each of its terms, beside their moduli
 
 LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 
@@ -150,7 +150,7 @@ class PiecewisePolynomial:
                 for j in range(len(factors))
             ]
             end, size = np.sum(terms, axis=0)[:-1], np.sum(np.abs(terms), axis=0)
-            slack = _ROUNDED * np.maximum(size[:-1], size[1:])
+            slack = ROUNDED_TERM * np.maximum(size[:-1], size[1:])
             if np.any(np.abs(end - terms[0][1:]) > slack):
                 return order - 1
         return self.coefficients.shape[1]
@@ -311,7 +311,7 @@ class PiecewisePolynomial:
         turning = [float(r.real) for r in np.roots(derived(c, 1)[::-1]) if x < r.real < y]
         values = [float(np.polynomial.polynomial.polyval(u, c)) for u in (x, y, *turning)]
         size = sum(abs(float(a)) * max(abs(x), abs(y)) ** n for n, a in enumerate(c))
-        slack = _ROUNDED * len(c) * size
+        slack = ROUNDED_TERM * len(c) * size
         return min(values) - slack, max(values) + slack
 
     def _extremes(self, side: str, order: int) -> tuple[Array, Array]:
@@ -335,7 +335,7 @@ class PiecewisePolynomial:
                     for i in range(d + 1)
                 ]
             )
-            slack = _ROUNDED * (d + 1) * sum(np.abs(part) for part in scaled)
+            slack = ROUNDED_TERM * (d + 1) * sum(np.abs(part) for part in scaled)
             low = np.minimum.reduce(ends) - slack
             self._known[key] = low, np.maximum.reduce(ends) + slack
         return self._known[key]

@@ -33,6 +33,7 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
 from stickslip.model.entries.units import check_unit
+from stickslip.numerics.levels import WHOLE_COUNT
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction
@@ -403,7 +404,7 @@ def noise(
         raise DeclarationError("deviation", f"{deviation:g} is negative", "Give a number >= 0")
     if not seed >= 0:
         raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
-    steps = np.ceil((end - start) / period * (1.0 - 1e-12))
+    steps = np.ceil((end - start) / period * (1.0 - WHOLE_COUNT))
     if steps > _MOST_NOISE:
         reason = f"it would need {steps:.3g} samples (at most {_MOST_NOISE:,})"
         raise DeclarationError("period", reason, "Increase it, or shorten the span")

@@ -54,6 +54,7 @@ from stickslip.model.entries.polynomials import (
 )
 from stickslip.model.entries.samples import WrongRow, checked, unit_entry
 from stickslip.model.entries.units import check_unit
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TableFunction
@@ -71,7 +72,6 @@ _LISTED = 50  # numbers that a model file lists
 _MOST_FORMULAS = 100  # values that are formulas
 _EVERYWHERE = (-math.inf, math.inf)
 _PARITIES = ("even", "odd")
-_SLACK = 1e-14  # rounding errors of Bernstein coefficients of a cell
 _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
@@ -610,7 +610,7 @@ class Table:
                 [math.comb(i, j) / math.comb(d, j) for j in range(d + 1)] for i in range(d + 1)
             ]
             c = np.moveaxis(np.tensordot(matrix, c, (1, powers)), 0, powers)
-        slack = _SLACK * np.abs(c).max(axis=(2, 3))
+        slack = FEW_ROUNDINGS * np.abs(c).max(axis=(2, 3))
         low, high = c.min(axis=(2, 3)) - slack, c.max(axis=(2, 3)) + slack
         for axis in range(2):
             for side, end in zip(self.outside, (0, -1), strict=True):

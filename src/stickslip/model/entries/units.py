@@ -11,6 +11,7 @@ from fractions import Fraction
 from functools import cache
 
 from stickslip.errors import DeclarationError, short
+from stickslip.numerics.levels import SAME_VALUE
 
 _POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
 _FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{_POWER})?"
@@ -179,7 +180,7 @@ def lowest_terms(unit: UnitPowers) -> tuple[float, UnitPowers]:
 def agree(first: UnitPowers, second: UnitPowers) -> bool:
     """Whether two units are the same, such as aJ and N/m*nm^2."""
     (a, one), (b, two) = lowest_terms(first), lowest_terms(second)
-    return one == two and math.isclose(a, b, rel_tol=1e-9)
+    return one == two and math.isclose(a, b, rel_tol=SAME_VALUE)
 
 
 def with_unit(value: float, unit: str, digits: int = 9) -> str:

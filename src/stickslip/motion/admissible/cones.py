@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 
 from stickslip.motion.steps.arrays import (
-    EPSILON,
     ON_INERTIAL,
     PART,
     PRESSING,
@@ -25,6 +24,7 @@ from stickslip.motion.steps.arrays import (
     directions_of,
 )
 from stickslip.motion.steps.vectors import solve_equations
+from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
 # Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their

@@ -32,7 +32,6 @@ from stickslip.motion.steps.arrays import (
     BACK,
     CONTACTS,
     COORDINATES,
-    EPSILON,
     FIRST_ROW,
     FORWARD,
     HOLDS_BACK,
@@ -57,6 +56,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
+from stickslip.numerics.levels import EPSILON, IMPACT_ZERO, NO_SPEED
 from stickslip.translator import compiled
 
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
@@ -69,7 +69,6 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 NEAR, MODE_BEFORE, CHOSEN = range(3)
 MOST_MODES = 65536  # that are ever tried
 _MOST_TURNS = 60  # of directions in planes
-_SLOW = 1e-12  # part of their terms below which velocities are zero
 _HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
@@ -127,7 +126,7 @@ def put_friction(rows: Rows, space: Space) -> None:
         forward = False
         back = False
         for i in block:
-            slow = _SLOW * space.mag[i]
+            slow = NO_SPEED * space.mag[i]
             forward = forward or work[BEFORE, i] > slow
             back = back or work[BEFORE, i] < -slow
         alone = len(block) == 1
@@ -466,8 +465,8 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
         fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
         gained += 0.5 * work[IMPULSE, c] * (work[BEFORE, c] + work[AFTER, c])
         size += 0.5 * abs(work[IMPULSE, c]) * (abs(work[BEFORE, c]) + abs(work[AFTER, c]))
-    strong = 1e-10 * largest
-    fast = 1e-10 * fastest
+    strong = IMPACT_ZERO * largest
+    fast = IMPACT_ZERO * fastest
     right = True
     for c in inertial_contacts(rows):
         moved = moved_on(work, c)
@@ -536,7 +535,7 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
             after = work[AFTER, c]
             if tried[CHOSEN, c] == 0:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]
-            mode[c] = 1 if after > 1e-10 * largest else 0
+            mode[c] = 1 if after > IMPACT_ZERO * largest else 0
     for c in range(rows.sizes[ON_INERTIAL]):
         if is_pressed(rows, tried, c):
             mode[c] = tried[CHOSEN, c]

@@ -74,6 +74,7 @@ _FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
 _EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
 _EXACT, _NEARLY, _HOLDS = 1e-15, 1e-12, 1e-10
 _STRAIGHT = 1e-3  # turn of slips in planes that is small
+_REGULAR = 1e-12  # of the product of its diagonal: the determinant of two contacts that differ
 
 
 @compiled()
@@ -224,7 +225,7 @@ def relax_in_plane(rows: Rows, space: Space, mode: Array, c: int) -> None:
         q = g * (moved_on(work, o) - G[o, c] * u - G[o, o] * v)
         a, b, d = f * f * G[c, c], f * g * G[c, o], g * g * G[o, o]
         minor = a * d - b * b
-        if minor > 1e-12 * a * d:
+        if minor > _REGULAR * a * d:
             x, y = (b * q - d * p) / minor, (b * p - a * q) / minor
             slips = 0 if math.hypot(x, y) <= 1.0 else 1
         if slips == 1:

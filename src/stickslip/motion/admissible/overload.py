@@ -32,9 +32,9 @@ from stickslip.motion.steps.sets import (
     support_at,
 )
 from stickslip.motion.steps.vectors import is_new
+from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
-_INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
 _FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
 MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
 _MOST_TURNS = 200  # of Newton's method
@@ -326,7 +326,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
             continue
         for r in range(rank):
             basis[held, r] = space.grip[c, r]
-        if is_new(rank, basis, held, _INDEPENDENT):
+        if is_new(rank, basis, held, INDEPENDENT):
             held += 1
     for _ in range(2):
         for k in range(held):
@@ -353,7 +353,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     for k in range(rank):
         for r in range(rank if held < rank else 0):
             basis[held, r] = 1.0 if r == k else 0.0
-        if held < rank and is_new(rank, basis, held, _INDEPENDENT):
+        if held < rank and is_new(rank, basis, held, INDEPENDENT):
             held += 1
     if lost > 0.0:
         return float(work / lost)

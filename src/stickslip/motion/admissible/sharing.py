@@ -25,12 +25,12 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import MOVED, axis_of, formula_of, middle_at
 from stickslip.motion.steps.vectors import is_new
+from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
 # What Space.leaving says of a contact: it stays where those with which it shares forces leave, it
 # has a guard of its own, or (±1) it leaves.
 STAYS, ON_ITS_OWN = 0, 2
-_INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
 _STEADY = 1e-12  # part of its size by which a direction may turn
 
 
@@ -149,7 +149,7 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
         if sticks_in(rows, mode, c, group):
             count += 1
             place_direction(flow, table, c, basis[rank])
-            if is_new(n, basis, rank, _INDEPENDENT):
+            if is_new(n, basis, rank, INDEPENDENT):
                 rank += 1
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group):
@@ -179,7 +179,7 @@ def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
     basis = flow.space.basis
     for i in directions_of(flow.rows, c):
         place_direction(flow, table, i, basis[rank])
-        if is_new(flow.rows.sizes[INERTIAL], basis, rank, _INDEPENDENT):
+        if is_new(flow.rows.sizes[INERTIAL], basis, rank, INDEPENDENT):
             return False
     return True
 
@@ -211,7 +211,7 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
             )
         if pressing:
             place_direction(flow, table, c, basis[rank])
-            if not is_new(n, basis, rank, _INDEPENDENT):
+            if not is_new(n, basis, rank, INDEPENDENT):
                 return True
             rank += 1
     return False

@@ -31,7 +31,6 @@ from stickslip.motion.affine.forms import (
 from stickslip.motion.affine.matrices import facet_row, linearise
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    EPSILON,
     INERTIAL,
     LEAD,
     ON_INERTIAL,
@@ -44,6 +43,7 @@ from stickslip.motion.steps.arrays import (
     directions_of,
     flow_of,
 )
+from stickslip.numerics.levels import EPSILON, FEW_ROUNDINGS, LEFT_OUT, TINIEST, ZERO_EIGENVALUE
 from stickslip.translator import compiled
 
 # instead of the number of a part
@@ -51,18 +51,14 @@ _FOLLOWS = -1
 _LEADS = -2
 
 _CONDITION = 1e4
-_GONE = 1e-9  # part of the largest eigenvalue that may be left out of the matrix
 _FASTEST = 1e9  # eigenvalue; what is faster has an extreme unit of time
 _KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
 _SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
-# imaginary and real parts of eigenvalues, relative to the largest, that are rounding
-_REAL = 1e-12
-_STILL = 1e-13
+_REAL = 1e-12  # imaginary part of an eigenvalue, relative to the largest, that is rounding
 _STIFF = 40.0  # ratio of rates from which on flights pay whatever the guards are
 _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
 # Rounding where a zero belongs would make every signal look as if it had all parts.
 _ABSENT = 4e-15  # of the largest component of an eigenvector
-_CANCELLED = 1e-14  # of the terms of a sum
 
 
 @compiled()
@@ -346,7 +342,7 @@ def leaves_out(
                 gone /= scale
             if nq <= b < 2 * nq:
                 gone *= scale
-            if gone > _GONE * largest:
+            if gone > LEFT_OUT * largest:
                 return True
     return False
 
@@ -386,7 +382,7 @@ def is_known(w: Making, count: int, block: int, value: complex) -> bool:
 @compiled()
 def settled(value: complex, largest: float) -> complex:
     """An eigenvalue whose parts are exactly zero where they are rounding beside the largest one."""
-    real = value.real if abs(value.real) >= _STILL * largest else 0.0
+    real = value.real if abs(value.real) >= ZERO_EIGENVALUE * largest else 0.0
     imag = value.imag if abs(value.imag) >= _REAL * largest else 0.0
     return complex(real, imag)
 
@@ -413,7 +409,7 @@ def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
                 if w.part[i] >= 0:
                     total += L[b, i] * F[i, k]
                     terms += modulus(L[b, i]) * abs(F[i, k])
-            if modulus(total) <= _CANCELLED * terms:
+            if modulus(total) <= FEW_ROUNDINGS * terms:
                 continue
             if T.exponent[slot, b] == 0.0j:
                 return -1
@@ -424,7 +420,7 @@ def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
             for b in range(own):
                 drawn += (V[i, b] * L[b, k]).real
                 terms += modulus(V[i, b]) * modulus(L[b, k])
-            V[i, blocks] = complex(-drawn if abs(drawn) > _CANCELLED * terms else 0.0, 0.0)
+            V[i, blocks] = complex(-drawn if abs(drawn) > FEW_ROUNDINGS * terms else 0.0, 0.0)
         V[k, blocks] = L[blocks, k] = complex(1.0, 0.0)
         T.exponent[slot, blocks] = complex(0.0, 0.0)
         blocks += 1
@@ -457,7 +453,7 @@ def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
             for b in range(own):
                 drag += (V[f, b] * L[b, i]).real
                 terms += modulus(V[f, b]) * modulus(L[b, i])
-            L[blocks, i] = complex(-drag if abs(drag) > _CANCELLED * terms else 0.0, 0.0)
+            L[blocks, i] = complex(-drag if abs(drag) > FEW_ROUNDINGS * terms else 0.0, 0.0)
         V[f, blocks] = L[blocks, f] = complex(1.0, 0.0)
         T.exponent[slot, blocks] = complex(0.0, 0.0)
         blocks += 1
@@ -482,7 +478,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
         fastest = max(fastest, frequency)
     pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
     T.pace[slot] = pace
-    T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, 1e-300)
+    T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, TINIEST)
     for i in range(n):
         for j in range(len(S)):
             S[i, j] = pace * F[i, j]
@@ -679,7 +675,7 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
                 if w.moving[i] == 1:
                     total += w.L[b, i] * F[i, j]
                     terms += modulus(w.L[b, i]) * abs(F[i, j])
-            w.ramp[b, j] = total if modulus(total) > _CANCELLED * terms else complex(0.0, 0.0)
+            w.ramp[b, j] = total if modulus(total) > FEW_ROUNDINGS * terms else complex(0.0, 0.0)
         growth = w.ramp[b, n + 1]
         # At the frequencies of the drives.
         for k in range(len(omega)):
@@ -729,7 +725,7 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
                 for i in range(n):
                     total += T.G[slot, row, i] * w.V[i, b]
                     terms += abs(T.G[slot, row, i]) * modulus(w.V[i, b])
-                a[b] = total if modulus(total) > _CANCELLED * terms else complex(0.0, 0.0)
+                a[b] = total if modulus(total) > FEW_ROUNDINGS * terms else complex(0.0, 0.0)
             swing[b] = modulus(a[b])
             T.angle[slot, row, b] = math.atan2(a[b].imag, a[b].real)
             decays = decays and (a[b] == 0.0j or T.exponent[slot, b].real <= 0.0)
@@ -738,7 +734,7 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
         for b in range(blocks):
             bend += (a[b] * w.bend[b]).real
             terms += swing[b] * modulus(w.bend[b])
-        T.c2[slot, row] = bend if abs(bend) > _CANCELLED * terms else 0.0
+        T.c2[slot, row] = bend if abs(bend) > FEW_ROUNDINGS * terms else 0.0
         drifts = T.c2[slot, row] != 0.0
         for j in range(ns):
             slope = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
@@ -746,7 +742,7 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
             for b in range(blocks):
                 slope += (a[b] * w.ramp[b, j]).real
                 terms += swing[b] * modulus(w.ramp[b, j])
-            T.c1[slot, row, j] = slope if abs(slope) > _CANCELLED * terms else 0.0
+            T.c1[slot, row, j] = slope if abs(slope) > FEW_ROUNDINGS * terms else 0.0
             drifts = drifts or T.c1[slot, row, j] != 0.0
         for k in range(waves):
             total = complex(0.0, 0.0)

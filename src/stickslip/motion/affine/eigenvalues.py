@@ -15,7 +15,7 @@ import numpy as np
 
 from stickslip.arrays import Array, ComplexMatrix, ComplexVector, Matrix, Vector
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import EPSILON
+from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
 _MOST_STEPS = 60  # Francis steps until an eigenvalue or two are found

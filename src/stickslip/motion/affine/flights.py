@@ -39,7 +39,7 @@ from stickslip.motion.affine.signals import (
     rough_acos,
 )
 from stickslip.motion.modes.guards import switch_of
-from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.numerics.levels import ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
@@ -602,7 +602,7 @@ def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> flo
     v = f.v
     _derive(form.S, v, 1)
     value, slope = scalar_product(form.G[guard], v[0]), scalar_product(form.G[guard], v[1])
-    if not slope < 0.0 or abs(value) * form.pace > -1e-9 * last * slope:
+    if not slope < 0.0 or abs(value) * form.pace > -ON_SURFACE * last * slope:
         return 0.0
     for i in range(len(x)):
         x[i] -= value / slope * v[1, i]
@@ -640,7 +640,7 @@ def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
         if value == 0.0:
             continue
         if form.held[c] == SLIDES:
-            if abs(value) > 1e-9 * size:
+            if abs(value) > ON_SURFACE * size:
                 return False
             continue
         rate = abs(scalar_product(form.brake[c], s))
@@ -648,7 +648,7 @@ def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
             if zero[i] != 0.0:
                 for j in range(len(s)):
                     rate += abs(zero[i] * S[i, j]) * moduli[j] / form.pace
-        if abs(value) > 1e-9 * last * rate + ROUNDING * size:
+        if abs(value) > ON_SURFACE * last * rate + ROUNDING * size:
             return False
         for i in range(len(x)):
             x[i] -= form.hold[c, i] * value

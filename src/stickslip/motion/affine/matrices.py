@@ -21,7 +21,6 @@ from stickslip.motion.steps.arrays import (
     COORDINATES,
     DIMENSION,
     DOUBTED,
-    EPSILON,
     FIRST_ROW,
     INERTIAL,
     LEAD,
@@ -42,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.numerics.levels import COMPUTED_ZERO, EPSILON, FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.translator import compiled
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
@@ -176,7 +176,7 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
     if len(omega) > 0:
         for r in range(len(F)):
             for k in range(len(w.lengths)):
-                if abs(F[r, n + k]) <= 1e-14 * w.peak[r]:
+                if abs(F[r, n + k]) <= FEW_ROUNDINGS * w.peak[r]:
                     F[r, n + k] = 0.0
             F[r, n + 1] /= window
     # The state: one component at a time.
@@ -204,7 +204,7 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
             for j in range(F.shape[1]):
                 total += F[r, j] * w.s[j]
                 terms += abs(F[r, j] * w.s[j])
-            if not abs(total - w.out[r]) <= 1e-12 * terms:
+            if not abs(total - w.out[r]) <= COMPUTED_ZERO * terms:
                 return False
     return True
 
@@ -281,7 +281,7 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
 @compiled()
 def settle_zero(value: float, size: float) -> float:
     """The value, or 0 if it is only the rounding error of terms of a size."""
-    return 0.0 if abs(value) <= 1e-15 * size else value
+    return 0.0 if abs(value) <= LAST_DIGITS * size else value
 
 
 @compiled()

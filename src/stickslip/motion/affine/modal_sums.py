@@ -23,6 +23,7 @@ from stickslip.motion.affine.nodes import (
     least_on_nodes,
     to_control_points,
 )
+from stickslip.numerics.levels import EXTREMUM_KNOWN
 from stickslip.translator import compiled
 
 RADIANS = 4.0
@@ -35,7 +36,6 @@ _FAST = 40.0  # |z| from which on they follow from a recurrence
 _SAME = 1e-9  # of an exponent: below it exp(z) − 1 over z is a series
 _GOLDEN = 0.3819660112501051
 _TURNS = 60  # of a search for an extremum
-_FLAT = 1e-9  # part of a window within which an extremum is known: values feel its square
 
 
 def _barycentric() -> Array:
@@ -260,7 +260,7 @@ def _extremum(s: ModalSum, a: float, b: float, sign: float) -> float:
     y = b - _GOLDEN * (b - a)
     at_x, at_y = sign * signal_at(s, x), sign * signal_at(s, y)
     for _ in range(_TURNS):
-        if b - a <= _FLAT * wide:
+        if b - a <= EXTREMUM_KNOWN * wide:
             break
         if at_x > at_y:
             b, y, at_y = y, x, at_x

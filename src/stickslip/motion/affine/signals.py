@@ -17,6 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.steps.roots import NONE, divide_out, first_crossing
+from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.translator import compiled
 
 _MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second
@@ -25,6 +26,7 @@ _WINDOW = 1.5  # in which its polynomial is exact, in parts of the time in which
 _LONGER = 4.0  # a window in which one exponential more may be replaced by its bound
 _LONGEST = 700.0  # what the exponential function can take
 _EXACT = 1e-16  # relative error of a root that no further step can lessen
+_SHORT_ARC = 1e-7  # of π: a signal so soon before its minimum starts there, where it is flat to √ε
 
 
 class Wave(NamedTuple):
@@ -124,7 +126,7 @@ def first_of_bend(
         guess = min(guess, limit)
     else:
         limit = guess  # below its asymptote: the asymptote's zero lies beyond the crossing
-    return _root_of_bend(c0, c1, r, rate, start, limit * (1.0 + 1e-15), guess, floor)
+    return _root_of_bend(c0, c1, r, rate, start, limit * (1.0 + LAST_DIGITS), guess, floor)
 
 
 @compiled()
@@ -174,7 +176,7 @@ def first_of_wave(
     swing = s.size * s.sine
     if halves != 2.0 * np.floor(0.5 * halves):
         swing = -swing
-    if rising > 1 and arc < 1e-7 * math.pi:
+    if rising > 1 and arc < _SHORT_ARC * math.pi:
         # the signal starts at its minimum
         arc = arc + math.pi
         swing = -swing

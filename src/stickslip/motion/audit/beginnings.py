@@ -24,12 +24,10 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
     DIMENSION,
-    EPSILON,
     FEWEST_ORDERS,
     NOWHERE,
     OK,
     ON_INERTIAL,
-    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -52,6 +50,7 @@ from stickslip.motion.steps.sets import (
 )
 from stickslip.motion.steps.starting import coefficients, is_prescribed
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
 

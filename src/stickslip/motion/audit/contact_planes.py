@@ -42,7 +42,6 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     MEMBERS,
     PART,
-    ROUNDING,
     STATIC,
     Rows,
     Space,
@@ -57,6 +56,7 @@ from stickslip.motion.steps.sets import (
     whole_speed,
 )
 from stickslip.motion.steps.step_size import FAINT
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 

@@ -71,7 +71,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     PRESSING,
-    ROUNDING,
     RUBBING,
     Flow,
     Instant,
@@ -93,6 +92,7 @@ from stickslip.motion.steps.sets import (
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 # In the row RESTS, what others than the force of the mode, which is 0 there, stand for: what is

@@ -35,9 +35,7 @@ from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane,
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    EPSILON,
     ON_INERTIAL,
-    ROUNDING,
     WIDEST,
     Rows,
     Space,
@@ -52,6 +50,7 @@ from stickslip.motion.steps.sets import (
     kink_terms,
     rate_terms,
 )
+from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
 _LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong

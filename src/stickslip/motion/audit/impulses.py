@@ -67,6 +67,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.numerics.levels import CREATED_ENERGY
 from stickslip.translator import compiled
 
 # Rows of Space.explained. By contact: the largest speed so far, which is given; γ⁺ as recorded;
@@ -78,7 +79,6 @@ FASTEST, _REACHED, _MOVED, _SIZE, BROKEN, CONTACT_TERMS, RATES_LEFT, RATE_TERMS 
 _NEAR, _KEPT, _DONE = range(3)
 _APART, _TOUCHING = 0, 1  # of what opens; what rubs sticks (0) or slips (±1)
 _NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
-_CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 # Part of its size below which a velocity may be zero, and another one, where this explains too
 # little; the size is that of its terms, and then, with either part, that of all that have been: of
 # the last of infinitely many impacts rounding errors are no smaller.
@@ -406,7 +406,7 @@ def creates_energy(rows: Rows, space: Space) -> bool:
         before, after = work[BEFORE, c], space.explained[_REACHED, c]
         gained += 0.5 * work[IMPULSE, c] * (before + after)
         size += 0.5 * abs(work[IMPULSE, c]) * (abs(before) + abs(after))
-    return gained > _CREATED * size
+    return gained > CREATED_ENERGY * size
 
 
 @compiled(brief=True)

@@ -17,6 +17,7 @@ from stickslip.motion.affine.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.modes.guards import resting, stands
 from stickslip.motion.steps.arrays import Rows, directions_of
 from stickslip.motion.steps.roots import halve, horner, lowest
+from stickslip.numerics.levels import EXTREMUM_KNOWN, LAST_DIGITS
 from stickslip.translator import compiled
 
 LASTED, STUCK = range(2)
@@ -24,8 +25,6 @@ LASTED, STUCK = range(2)
 
 _LEFT, _WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
 _DEEPEST = 40  # halvings
-_ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
-_FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
 class Sums(NamedTuple):
@@ -101,7 +100,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
         x *= h
         stack[1, k] = c[k] * x
         reach += abs(stack[1, k])
-    floor = _ROUNDED * (abs(c[0]) + reach)  # rounding turns everywhere
+    floor = LAST_DIGITS * (abs(c[0]) + reach)  # rounding turns everywhere
     if c[0] - reach >= low - floor and c[0] + reach <= high + floor:
         return low, high
     stack[1, 0] = c[0]
@@ -163,7 +162,7 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
         if not a < new < b:
             new = 0.5 * (a + b)
         # A value at its extremum does not feel the last half of the digits.
-        if abs(new - x) <= _FLAT * (b - a) or not a < new < b:
+        if abs(new - x) <= EXTREMUM_KNOWN * (b - a) or not a < new < b:
             return new
         x = new
     return x

@@ -75,11 +75,8 @@ from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    EPSILON,
-    INSTANT,
     LEAD,
     PART,
-    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -93,6 +90,7 @@ from stickslip.motion.steps.roots import horner, slopes_at_nodes
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import ENERGY_SCALE, EPSILON, INSTANT, ROUNDING, SHORTEST_PIECE
 from stickslip.translator import compiled
 
 _MOST_PIECES = 512  # of a Taylor step
@@ -215,7 +213,7 @@ def audit_step(
             return
         start = Instant(base, y, mode, reg)
         order, h, series = follow_mode(machine, flow, start, left, last, seen)
-        h = min(left, max(h, 1e-12 * left))
+        h = min(left, max(h, SHORTEST_PIECE * left))
         if ends_there(h, left, base) or not (h > 0.0 and has_finite_parts(y)):
             h = left  # what is not a number is seen at the nodes
         # a closed form may last for many Taylor steps, each of which counts by itself
@@ -413,7 +411,7 @@ def judge(
         own = most(own, relative(state[ROUNDED, r], size))
         reach_ = max(reach_, state[LARGEST, r])
     # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
-    scale = max(flow, 1e-6 * energy, 1e-6 * force * reach_)
+    scale = max(flow, ENERGY_SCALE * energy, ENERGY_SCALE * force * reach_)
     residuals[ENERGY_BALANCE] = relative(
         max(imbalance - force * tally.total[ROUNDING_ERRORS], 0.0), scale
     )

@@ -34,14 +34,12 @@ from stickslip.motion.engine.jumps import fired_jump, make_jump
 from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    EPSILON,
     INERTIAL,
     KINK,
     NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
     RATE_INDEPENDENT,
-    ROUNDING,
     STORED,
     VISCOUS,
     Flow,
@@ -54,6 +52,7 @@ from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.sets import force_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
 

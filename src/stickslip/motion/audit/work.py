@@ -14,7 +14,6 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     DISSIPATED,
     INERTIAL,
-    INSTANT,
     MATRIX,
     MEMBERS,
     SUPPLIED,
@@ -30,6 +29,7 @@ from stickslip.motion.steps.roots import horner, horner_at_nodes, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import INSTANT, SHORTEST_PIECE
 from stickslip.translator import compiled
 
 
@@ -116,7 +116,7 @@ def work_in_step(
             order, h, series = follow_mode(
                 machine, flow, Instant(base, y, mode, reg), left, before, seen
             )
-            h = min(left, max(h, 1e-12 * left))
+            h = min(left, max(h, SHORTEST_PIECE * left))
             if ends_there(h, left, base) or not h > 0.0:
                 h = left
         acting = min(h, series) if series > 0.0 else h

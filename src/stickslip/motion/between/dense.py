@@ -33,6 +33,7 @@ from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 
 
@@ -125,7 +126,7 @@ def states_at(
             left = left - h
             start = Instant(base, y, mode, reg)
             order, h, _ = follow_mode(machine, flow, start, left, h, seen)
-            h = max(h, 1e-12 * left)
+            h = max(h, SHORTEST_PIECE * left)
             h = left if ends_there(h, left, base) else h
         for r in range(n):
             out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]

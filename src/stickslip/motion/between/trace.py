@@ -21,6 +21,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.translator import compiled
 
 TOLERANCE = 1e-12  # of a series relative to the size of its row
@@ -82,7 +83,7 @@ def trace_rows(
             left = knots.time[min(knot + 1, last)] - base
             fresh = False
             full, h, _ = follow_mode(machine, flow, Instant(base, y, mode, reg), left, h, seen)
-            h = max(h, 1e-12 * (times[i] - base))
+            h = max(h, SHORTEST_PIECE * (times[i] - base))
             h = left if ends_there(h, left, base) else h
             order = full - 1  # forces and thresholds have one order less than the state
             for c in range(order + 1):

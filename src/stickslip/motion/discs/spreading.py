@@ -67,6 +67,7 @@ from stickslip.translator import RELAXED, compiled
 _WIDER = 1.05  # factor between what bounds such a rate and what is tried
 _TURNS = 6  # of an enclosure of a rate that solves an equation
 _SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
+_WIDENED = 1e-4  # by which bounds grow beyond what is needed, so that few rounds settle them
 
 
 @compiled()
@@ -373,7 +374,7 @@ def solve_rate_discs(tape: DiscTape, i: int) -> None:
                     weight = abs(R[first + j, k])
                     total += weight * new[k] if weight != 0.0 else 0.0
                 settled = settled and total <= old[j]
-                old[j] = max(old[j], total * (1.0 + 1e-4))
+                old[j] = max(old[j], total * (1.0 + _WIDENED))
             if settled:
                 break
         for j in range(n):

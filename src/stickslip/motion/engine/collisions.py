@@ -61,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     directions_of,
     inertial_contacts,
 )
+from stickslip.numerics.levels import CREATED_ENERGY, IMPACT_ZERO
 from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
@@ -71,7 +72,6 @@ NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 _FIRST, _TOTAL, _GIVEN = range(12, 15)
 _CLOSED = 4  # row of Space.tried: all that are closed while only some take part
 _FEW_MODES = 216  # that are all tried: three feet with friction along a line
-_CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _MOST_TURNS = 20000  # of impacts one after the other
 _NONE_LEFT = 1e-29  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-9  # part by which energies of approach are equal
@@ -197,7 +197,7 @@ def best_of_all(rows: Rows, space: Space, mode: Array, total: int) -> int:
     for number in range(total):
         right, gained, size = try_impulses(rows, space, mode, number)
         broken = set_in_motion(rows, space, mode)
-        if gained > _CREATED * size:
+        if gained > CREATED_ENERGY * size:
             broken += len(mode) + 1
         if right and (broken < fewest or (broken == fewest and gained < least)):
             least, exchanged, fewest = gained, size, broken
@@ -206,7 +206,7 @@ def best_of_all(rows: Rows, space: Space, mode: Array, total: int) -> int:
                 tried[CHOSEN, c] = mode[c]
     if not least < np.inf:
         return NO_IMPULSE
-    return JUMPED if least <= _CREATED * exchanged else CREATES
+    return JUMPED if least <= CREATED_ENERGY * exchanged else CREATES
 
 
 @compiled()
@@ -218,7 +218,7 @@ def best_of_many(rows: Rows, space: Space, mode: Array) -> int:
     for c in range(rows.sizes[ON_INERTIAL]):
         space.impact[BEST, c] = space.impact[IMPULSE, c]
         space.tried[CHOSEN, c] = mode[c]
-    return JUMPED if gained <= _CREATED * size else CREATES
+    return JUMPED if gained <= CREATED_ENERGY * size else CREATES
 
 
 # -- in turn ---------------------------------------------------------------------------------------
@@ -306,7 +306,7 @@ def most_energy(rows: Rows, space: Space) -> float:
 def choose_by_velocities(rows: Rows, space: Space) -> None:
     """The mode after impacts in turn, by the velocities that are left: what is at rest sticks."""
     work = space.impact
-    slow = 1e-10 * largest_jump(rows, work)
+    slow = IMPACT_ZERO * largest_jump(rows, work)
     for c in inertial_contacts(rows):
         block = directions_of(rows, c)
         speed = work[AFTER, c]

@@ -34,12 +34,10 @@ from stickslip.motion.steps.arrays import (
     ASTRAY,
     AU_SIZE,
     CAUSE,
-    CLOSEST,
     DIMENSION,
     FINISHED,
     FULL,
     INADMISSIBLE,
-    INSTANT,
     LAST,
     LEAD,
     NAN,
@@ -59,7 +57,6 @@ from stickslip.motion.steps.arrays import (
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
-    ROUNDING,
     SERIES,
     SLIPPING,
     SPAN,
@@ -85,6 +82,7 @@ from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_m
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import CLOSEST, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
 

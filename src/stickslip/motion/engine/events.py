@@ -14,11 +14,9 @@ from stickslip.motion.modes.pivots import flip, set_regions
 from stickslip.motion.modes.surfaces import just_opened
 from stickslip.motion.steps.arrays import (
     CAUSE,
-    CLOSEST,
     CREATES_ENERGY,
     CROSSED,
     DIMENSION,
-    FIRED,
     HAPPENED,
     JUMPS_MEET,
     JUMPS_ON,
@@ -51,6 +49,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import kink_terms, remember_gaps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import CLOSEST, FIRED
 from stickslip.translator import compiled
 
 _ZENO_EVENTS = 200

@@ -30,7 +30,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     PRESSING,
-    ROUNDING,
     RUBBING,
     SPAN,
     WIDEST,
@@ -45,9 +44,9 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
+from stickslip.numerics.levels import NO_SPEED, ROUNDING
 from stickslip.translator import compiled
 
-_SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
@@ -82,7 +81,7 @@ def approaching(
         near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
         if near or c == fired:
             space.tried[NEAR, c] = 1
-            found += 1 if work[BEFORE, c] < -_SLOW * space.mag[c] else 0
+            found += 1 if work[BEFORE, c] < -NO_SPEED * space.mag[c] else 0
     return found
 
 
@@ -118,7 +117,7 @@ def first_approaching(
         return NOWHERE
     space = flow.space
     for c in flow.rows.openings:
-        slow = -_SLOW * space.mag[c]
+        slow = -NO_SPEED * space.mag[c]
         near = space.tried[NEAR, c] == 1
         kept = going and (here.mode[c] == 0 or c == opened)
         if near and space.impact[BEFORE, c] < slow and not kept:

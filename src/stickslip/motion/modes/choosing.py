@@ -31,7 +31,6 @@ from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
-    CLOSEST,
     IMPLICIT,
     KINKS,
     LAST,
@@ -54,6 +53,7 @@ from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 from stickslip.motion.steps.vectors import clear, copy
+from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
 
 _MOST_CANDIDATES = 60000

@@ -13,14 +13,9 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE_SIZE,
     DIMENSION,
     DOUBTED,
-    DOUBTFUL,
-    EPSILON,
-    FIRED,
-    INSTANT,
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
-    ROUNDING,
     SLIPPING,
     SLIPS,
     TOWARDS,
@@ -44,10 +39,12 @@ from stickslip.motion.steps.sets import (
 )
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.motion.steps.step_size import impulse
+from stickslip.numerics.levels import EPSILON, FIRED, INSTANT, ROUNDING
 from stickslip.translator import RELAXED, compiled
 
 _LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
 _LATE = 2.0 * EPSILON  # part of a time by which that of an event may be wrong
+_DOUBTFUL = 1e-12  # of a threshold: so close to zero it may have become negative
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
@@ -379,7 +376,7 @@ def guard_of(
         d = doubt_of(g, nk, nc)
         row, i = rows.doubtful[d, DOUBTED], rows.doubtful[d, SLIPPING]
         around = 0.0
-        exact = DOUBTFUL
+        exact = _DOUBTFUL
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
         if i >= 0:
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])

@@ -10,14 +10,12 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.series import SINGULAR, invert
 from stickslip.motion.admissible.sharing import grip, is_gripped
 from stickslip.motion.modes.inverses import resolve
-from stickslip.motion.modes.surfaces import ON_SURFACE, are_numbers, release_or_hold
+from stickslip.motion.modes.surfaces import are_numbers, release_or_hold
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     COORDINATES,
     DIMENSION,
-    EPSILON,
     INERTIAL,
-    INSTANT,
     LEAD,
     MEMBERS,
     NAN,
@@ -31,7 +29,6 @@ from stickslip.motion.steps.arrays import (
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
-    ROUNDING,
     SERIES,
     SPAN,
     VISCOUS,
@@ -49,6 +46,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import whole_rate, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import COARSER, FAINT, LEAST_SIZE, better, step_size, suits
+from stickslip.numerics.levels import EPSILON, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes

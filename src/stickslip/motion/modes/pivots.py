@@ -14,7 +14,6 @@ from stickslip.motion.modes.surfaces import is_wide
 from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
-    FIRED,
     MEMBERS,
     NOWHERE,
     PART,
@@ -29,9 +28,8 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import kink_terms
 from stickslip.motion.steps.vectors import clear, is_new
+from stickslip.numerics.levels import FIRED, NEW_DIRECTION
 from stickslip.translator import compiled
-
-_DEPENDENT = 1e-20  # square of the part of a direction that is none of others
 
 
 @compiled()
@@ -237,7 +235,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
             continue
         for j in range(n):
             space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
-        if is_new(n, space.scratch, rank, _DEPENDENT):
+        if is_new(n, space.scratch, rank, NEW_DIRECTION):
             rank += 1
         elif rows.group[c] < 0:
             set_mode(rows, mode, c, 1 + rows.drops[c])
@@ -267,14 +265,14 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
             if mode[c] == 0:
                 for j in range(n):
                     space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
-                if is_new(n, space.scratch, rank, _DEPENDENT):
+                if is_new(n, space.scratch, rank, NEW_DIRECTION):
                     rank += 1
         for i in range(m if rank > 0 else 0):
             c = members[n + i]
             if mode[c] != 0 and rows.drops[c] == 1:
                 for j in range(n):
                     space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
-                if not is_new(n, space.scratch, rank, _DEPENDENT):
+                if not is_new(n, space.scratch, rank, NEW_DIRECTION):
                     return True
     return False
 

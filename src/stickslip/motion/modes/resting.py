@@ -70,6 +70,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy, is_new
+from stickslip.numerics.levels import NEW_DIRECTION
 from stickslip.translator import compiled
 
 # Rows of Space.tried: the mode that pivoting has found; all contacts without their forces; which
@@ -78,7 +79,6 @@ _FOUND, _FREE, _CHOSEN, _NORMALS = range(4)
 _SLOW = 1e-9  # part of its terms, and of what forces do, below which a velocity is zero
 _HELD = 1e-11  # part of what is wanted that forces may fail to hold
 _AT_BOUND = 1e-9  # part of its bounds within which a force is at one of them
-_DEPENDENT = 1e-20  # square of the part of a direction that is none of others
 _MOST_CHOICES = 5000  # of normal forces
 _AHEAD = 1e-3  # of recent steps: how far ahead forces are asked for, which have to last
 
@@ -340,7 +340,7 @@ def is_independent(flow: Flow, part: int, c: int, rank: int) -> bool:
     n = rows.parts[part, COORDINATES]
     for j in range(n):
         space.scratch[rank, j] = direction_entry(rows, flow.k.J, space.W, c, j)
-    return is_new(n, space.scratch, rank, _DEPENDENT)
+    return is_new(n, space.scratch, rank, NEW_DIRECTION)
 
 
 @compiled(brief=True)

@@ -15,10 +15,8 @@ from stickslip.motion.steps.arrays import (
     BENDS,
     CAUSE,
     COORDINATES,
-    FIRED,
     FIRST_ROW,
     INERTIAL,
-    INSTANT,
     LEAD,
     MASSIVE,
     MEMBERS,
@@ -28,7 +26,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     RECENT,
-    ROUNDING,
     SEAT,
     SPAN,
     Flow,
@@ -56,9 +53,9 @@ from stickslip.motion.steps.sets import (
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
+from stickslip.numerics.levels import FIRED, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
 _NOTHING = 1e-250  # a velocity, or a place, that is none in any units
 _MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others

@@ -44,15 +44,7 @@ OVERFLOW = 5
 MOST_SHARED = 64  # contacts whose forces an audit may share in another way: their work space is n²
 MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
 AUDIT_NODES = 18  # of an audit, in a piece of a step
-EPSILON = 2.220446049250313e-16
-ROUNDING = 64 * EPSILON
 PER_FACE = 24  # rows of Space.facing for each face
-# part of its size by which the guard of a switch that has just fired may be away from zero, where
-# it is by definition
-FIRED = 1e-10
-CLOSEST = 1e-15  # relative difference of times that can be told apart
-INSTANT = 32 * EPSILON  # part of a time by which times are too close to be told apart
-DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 NOWHERE = -1  # no row
 NONE_YET = 9  # no mode of a contact
 

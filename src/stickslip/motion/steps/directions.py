@@ -29,6 +29,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.sets import axis_of, slip_speed, width_of
+from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -201,6 +202,6 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
             square += moved * moved
         along += abs(inwards)
         # rounding errors of what is across count as across
-        across += math.sqrt(max(square - inwards * inwards, 4e-16 * square))
+        across += math.sqrt(max(square - inwards * inwards, ROUNDED_TERM * square))
     discs[plane[AIM_SPEED], SLOPE] = across
     discs[plane[AIM] + 1, SLOPE] = along

@@ -23,12 +23,10 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     FEWEST_ORDERS,
-    FIRED,
     FORMULA,
     LEAD,
     OK,
     PER_FACE,
-    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -49,15 +47,15 @@ from stickslip.motion.steps.response import (
 )
 from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_at
 from stickslip.motion.steps.vectors import solve_equations
+from stickslip.numerics.levels import FIRED, LOWERED, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 
 _ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
 _FINEST = 1e-7  # … at last, in parts of its value without friction
-_MOST_TURNS = 40  # of Newton's method
 _SETTLED = 1e-15  # part of its terms by which it may fail at last
-_LOWERED = 1e-4  # part of the slope by which a step lowers what it minimises, but for rounding
 _MOST_CUTS = 40  # halvings of a step
 _DEPENDENT = 1e-9  # part of D below which a direction is one in which the face is held
+_IMPROVES = 1e-6  # part of its size by which a rate has to improve for another turn
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
 # that inverse, rates of probes (then what holds directions), equations, what is solved for, p and
 # its change.
@@ -277,15 +275,15 @@ def aim_face(flow: Flow, p: int) -> None:
         w[0], w[1], w[2] = 1.0, 0.0, 0.0
     rounded = whole
     while rounded > _FINEST * whole:
-        for _ in range(_MOST_TURNS):
-            if not improve_rate(flow, f, own, rounded) > 1e-6 * size:
+        for _ in range(NEWTON_TURNS):
+            if not improve_rate(flow, f, own, rounded) > _IMPROVES * size:
                 break
         rounded *= _ROUNDED
     length = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     own[_K, 1] = length
     for i in range(3):
         w[i] /= length
-    for _ in range(_MOST_TURNS):
+    for _ in range(NEWTON_TURNS):
         if not improve_direction(flow, f, own, size) > _SETTLED:
             break
     for i in range(3):
@@ -348,7 +346,7 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
             else 0.0
         )
         now = made_least(own, math.sqrt(R * R + rounded * rounded))
-        if now <= before + _LOWERED * share * slope + ROUNDING * before:
+        if now <= before + LOWERED * share * slope + ROUNDING * before:
             break
         share *= 0.5
     most = 0.0

@@ -24,7 +24,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import EPSILON, FORMULA, LEAD, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -45,19 +45,18 @@ from stickslip.motion.steps.response import (
     speed_along,
 )
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
+from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 
 # Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
 # 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
 NEGLIGIBLE = 1e-10
 MOST_LEADING = 4  # orders of |Au| that may vanish
-_NEW = 1e-20  # square of the part of a velocity that is none of the others
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _ACROSS = 1e-13  # square of the part of a velocity across others
 _FULL = 1e-4  # part of the friction that what begins to slip may lack then
 _SURE = 1e-9  # change of Newton's method below which it has settled
-_MOST_TURNS = 40  # of Newton's method
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
@@ -223,7 +222,7 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
     rounded = size
     while rounded > 0.0:
         off = rounded_off(machine, flow, at, table, rank, way, rounded, True, right)
-        for _ in range(_MOST_TURNS):
+        for _ in range(NEWTON_TURNS):
             if not off < math.inf:
                 break
             for i in range(rank):
@@ -300,7 +299,7 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
         for r in range(rank):
             face[others, r] = (x * span[r, 2 * p + 1] - y * span[r, 2 * p]) / speed
             size += face[others, r] ** 2
-        if size > _NEW and is_new(rank, face, others, _ACROSS):
+        if size > NEW_DIRECTION and is_new(rank, face, others, _ACROSS):
             others += 1
     number = others
     for k in range(-1, rank):
@@ -339,7 +338,7 @@ def refine_face(
     for r in range(rank):
         way[r] = onset[_PLACE, r] / math.sqrt(length)
     before = math.inf
-    for _ in range(_MOST_TURNS):
+    for _ in range(NEWTON_TURNS):
         others = place_face(flow, rank, way)
         number = rank - others
         if number < 2 or not respond_along(machine, flow, at, table, rank, way, 0.0, True):
@@ -429,7 +428,7 @@ def refine_aim(
         onset[_TRIED, r] = beta * way[r]
     before = math.inf
     settled = False
-    for _ in range(_MOST_TURNS):
+    for _ in range(NEWTON_TURNS):
         if not respond_along(machine, flow, at, table, rank, way, 0.0, True):
             return False
         place_slopes(flow, rank, way, 0.0, 1.0)

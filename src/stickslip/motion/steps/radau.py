@@ -16,9 +16,10 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.layout import ORDERS
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import DIMENSION, EPSILON, OK, ROUNDING, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import DIMENSION, OK, Flow, Instant, Machine
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, better, companion
+from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
 _MOST = max(ORDERS) // 2  # stages

@@ -27,6 +27,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import width_of
 from stickslip.motion.steps.vectors import is_new
+from stickslip.numerics.levels import NEW_DIRECTION
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -35,7 +36,6 @@ from stickslip.translator import compiled
 # of a face (:mod:`stickslip.motion.steps.face_onset`).
 AIMS = 14
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
-_NEW = 1e-20  # square of the part of a velocity that is none of the others
 _ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 
 
@@ -228,7 +228,7 @@ def span_rates(flow: Flow) -> int:
             span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
             size = max(size, abs(span[rank, i]))
         # What the body cannot do is answered by rounding errors.
-        if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
+        if size > _ANSWERED * largest and is_new(n, span, rank, NEW_DIRECTION):
             rank += 1
     return rank
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import HALVINGS, ONE_ULP
 from stickslip.translator import CONTRACTED, RELAXED, compiled
 
 MAX_DEGREE = 32
@@ -19,8 +20,8 @@ _QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
 # Behind the coefficients of a subinterval: where it starts, and how long it is.
 _START, _WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
-_HALVINGS = 60
 _SPLIT = 1e-3  # of a slope, which a zero at the start may change if it is to be divided out exactly
+_NARROWEST = 1e-17  # width of a subinterval of [0, 1] below the spacing of numbers in it
 
 
 def _binomials() -> Array:
@@ -138,7 +139,7 @@ def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -
         new = x - s / ds if ds != 0.0 else low - 1.0
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) <= 2.3e-16 * abs(new) or not low < new < high:
+        if abs(new - x) <= ONE_ULP * abs(new) or not low < new < high:
             return new
         x = new
     return x
@@ -238,7 +239,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
                 return limit * left
             start = left + width * b[0] / (b[0] - b[d])
             return crossing(c, d, limit * left, limit * (left + width), limit * start, floor / 64.0)
-        if depth == _HALVINGS or width < 1e-17:
+        if depth == HALVINGS or width < _NARROWEST:
             return limit * left
         # Left half goes on top of the right half, so that the leftmost crossing is found first.
         halve(stack, depth, d)

@@ -25,7 +25,6 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     ON_INERTIAL,
     ON_VISCOUS,
-    ROUNDING,
     WIDEST,
     Flow,
     Rows,
@@ -35,6 +34,7 @@ from stickslip.motion.steps.arrays import (
     own_directions,
 )
 from stickslip.motion.steps.vectors import direction_and_turn
+from stickslip.numerics.levels import LAST_DIGITS, ROUNDING
 from stickslip.translator import compiled
 
 # Rows of Space.along: the unit vector at which support functions are asked, how a mechanism moves a
@@ -47,6 +47,7 @@ PER_FORMULA = 13
 _ANGLES = 32  # in which the forces of a formula are compared with S
 _MOST_TURNS = 32  # of Newton's method between them
 _HALVINGS = 50  # of the way into a set
+_ANGLE_KNOWN = 1e-9  # part of an arc within which the nearest point of it is known
 
 
 @compiled()
@@ -486,7 +487,7 @@ def largest_over(
         after = angle - slope / second if second < 0.0 else 0.5 * (low + high)
         if not low < after < high:
             after = 0.5 * (low + high)
-        if abs(after - angle) <= 1e-15 + 1e-9 * width:
+        if abs(after - angle) <= LAST_DIGITS + _ANGLE_KNOWN * width:
             break
         angle = after
     return most

@@ -26,14 +26,10 @@ from stickslip.motion.steps.arrays import (
     AIM,
     AIM_SPEED,
     DIMENSION,
-    EPSILON,
     FEWEST_ORDERS,
-    FIRED,
     FORMULA,
-    INSTANT,
     LEAD,
     OK,
-    ROUNDING,
     SEAT,
     Flow,
     Instant,
@@ -81,6 +77,7 @@ from stickslip.motion.steps.sets import (
     whole_speed,
     width_of,
 )
+from stickslip.numerics.levels import EPSILON, FIRED, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 

@@ -29,11 +29,8 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     AIM_SPEED,
     DIMENSION,
-    EPSILON,
     INERTIAL,
-    INSTANT,
     LEAD,
-    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -48,6 +45,7 @@ from stickslip.motion.steps.directions import (
 )
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane, slip_speed, whole_speed
 from stickslip.motion.steps.starting import coefficients
+from stickslip.numerics.levels import EPSILON, INSTANT, ROUNDING
 from stickslip.translator import compiled
 
 LEAST_SIZE = 1e-250  # what is smaller is nothing

@@ -34,7 +34,6 @@ from stickslip.motion.steps.arrays import (
     CAUSE,
     DIMENSION,
     IMPLICIT,
-    INSTANT,
     MOST_IMPLICIT,
     Flow,
     Instant,
@@ -64,6 +63,7 @@ from stickslip.motion.steps.step_size import (
     slip_end,
     step_size,
 )
+from stickslip.numerics.levels import INSTANT
 from stickslip.translator import compiled
 
 _AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that is

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import LEAST_PIVOT
 from stickslip.translator import compiled
-
-_SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
 @compiled(brief=True)
@@ -57,7 +56,7 @@ def solve_equations(system: Array, n: int) -> bool:
             part = abs(system[i, k]) / size if size > 0.0 else 0.0
             if part > most:
                 best, most = i, part
-        if not most > _SINGULAR:
+        if not most > LEAST_PIVOT:
             return False
         if best != k:
             for j in range(n + 1):

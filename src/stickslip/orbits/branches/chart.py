@@ -48,6 +48,7 @@ _VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
 _HALVED = 2e-2
 _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
+_NO_SLOPE = 1e-7  # slope of the parameter along the curve that is that of a fold
 
 
 class OutOfChart(StickslipError):
@@ -285,7 +286,7 @@ def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
     pairs = [(1.0 - a * b) / (1.0 + abs(a * b)) for a, b in combinations(multipliers, 2)]
     branching = np.prod((multipliers - 1.0) / (1.0 + np.abs(multipliers))).real
     # At a fold both the multiplier 1 and the slope are there, and their ratio is not known.
-    known = abs(slope) > 1e-7 and len(multipliers) > 0
+    known = abs(slope) > _NO_SLOPE and len(multipliers) > 0
     return {
         "period doubling": float(np.prod((multipliers + 1.0) / (1.0 + np.abs(multipliers))).real),
         "torus": float(np.prod(pairs).real) if pairs else 1.0,

@@ -19,6 +19,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
@@ -63,6 +64,7 @@ _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 _THERE = 1e-6  # … how far its derivatives are asked …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
 _NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
+_LENGTHS = (1e-5, 1e-4, 1e-6)  # of steps along an edge; one of them leads to a cycle
 
 
 @dataclass(frozen=True)
@@ -251,7 +253,7 @@ def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:
         raise Lost("the branches on both sides do not meet")
     # Period and parameter have the same units in both charts.
     parts = [float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in rays]
-    lengths = length * parts[1] / max(parts[0], 1e-300), length
+    lengths = ratio(length * parts[1], parts[0]), length
     x, y = (_along(ray, way) for ray, way in zip(rays, lengths, strict=True))
     return x, y
 
@@ -303,7 +305,7 @@ def _along_the_edge(
     """A cycle on which a contact is carried along, while the parameter goes on as before."""
     other = chart.carrying(*edge)
     units = chart.scale(x)
-    for length in (1e-5, 1e-4, 1e-6):
+    for length in _LENGTHS:
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
@@ -398,9 +400,7 @@ def _onward(
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
-    null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
-        -1
-    ]
+    null = np.linalg.svd(ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True)))[2][-1]
     nearest = None
     for length, sense in product(lengths, (null, -null)):
         with suppress(*_FAILURES):

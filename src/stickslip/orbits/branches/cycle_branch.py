@@ -20,6 +20,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Residual, within
 from stickslip.errors import DeclarationError
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import (
     CLOSES_TO,
     KNOWN_TO,
@@ -480,7 +481,7 @@ class _Follower:
         for one, other in itertools.pairwise(stations[before - 1 :]):
             a, b = self._features(one.cycle), self._features(other.cycle)
             chord, offset = b - a, start - a
-            part = offset @ chord / (chord @ chord + 1e-300)
+            part = ratio(offset @ chord, chord @ chord)
             beside = np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(chord)
             if 0.0 < part <= 1.0 and beside and self._is_between(one.cycle, other.cycle):
                 return True

@@ -20,6 +20,8 @@ from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.numerics.levels import NEARLY_SOLVED, RANK, ROUNDED_SUM
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
@@ -61,6 +63,7 @@ if TYPE_CHECKING:
 
 _STEPS = StepControl(first=0.005, largest=0.02)
 _MOST_PIECES = 50
+_REAL = 1e-8  # imaginary part, relative to an eigenvalue, that is rounding: √ε where two meet
 _STABLE = {
     "flag_values": np.array([-1, 0, 1], np.int8),
     "flag_meanings": "undecided unstable stable",
@@ -365,9 +368,9 @@ class _Follower:
             return None
         F, J = other.residual(self.parameter)(end.x)
         size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
-        rows = J / np.maximum(np.max(np.abs(J), axis=1, keepdims=True), 1e-300)
+        rows = ratio(J, np.max(np.abs(J), axis=1, keepdims=True))
         s, v = np.linalg.svd(rows)[1:]
-        if not (np.all(np.abs(F) <= 1e-8 * size) and s[-1] > 1e-9 * s[0]):
+        if not (np.all(np.abs(F) <= NEARLY_SOLVED * size) and s[-1] > RANK * s[0]):
             return None
         tangent = v[-1]
         ahead = self.steps.first * 1e-3
@@ -486,7 +489,7 @@ class _Follower:
         if kind == "Hopf":
             eigenvalues = steady.eigenvalues(self._point(steady, x))
             a, b = min(combinations(eigenvalues, 2), key=lambda pair: abs(pair[0] + pair[1]))
-            if abs(a.imag) <= 1e-8 * abs(a):
+            if abs(a.imag) <= _REAL * abs(a):
                 return []  # a neutral saddle: two real eigenvalues of opposite sign
             own += within(SOLVED_TO, [("real part of the eigenvalue", abs(0.5 * (a + b) / a))])
             form = hopf(
@@ -638,5 +641,5 @@ def hopf_test(eigenvalues: Array) -> float:
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
     # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign
     # to change.
-    part = np.where(np.abs(sums) > 1e-13 * sizes, sums / np.maximum(sizes, 1e-300), 0.0)
+    part = np.where(np.abs(sums) > ROUNDED_SUM * sizes, ratio(sums, sizes), 0.0)
     return float(np.prod(part).real)

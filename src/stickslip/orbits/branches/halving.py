@@ -21,6 +21,8 @@ from stickslip.orbits.return_map.damped_newton import Closed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+_MISSED = 1e-6  # distance of a multiplier from −1 where a search ended that jumped across
+
 
 def half_gap(closed: Closed) -> float:
     """By how much a cycle fails to close after half its period, in units of its largest range.
@@ -66,6 +68,6 @@ def doubles_at(
 
     try:
         found = zero_near(excess, value, other)
-        return None if found is None or abs(left := excess(found)) > 1e-6 else (found, left)
+        return None if found is None or abs(left := excess(found)) > _MISSED else (found, left)
     except StickslipError:
         return None

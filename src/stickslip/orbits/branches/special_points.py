@@ -15,6 +15,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
+from stickslip.numerics.levels import BRACKET_LOOKS
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, direction
@@ -39,7 +41,6 @@ HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short 
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 _APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
-_MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
 # how far beside a change derivatives are those of that side
 _ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
@@ -180,7 +181,7 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
         offset = (x - a.x) / a.units
         ends.append(offset + ways[-1] * (place - a.heading @ offset))
     apart, turn = ends[1] - ends[0], ways[1] - ways[0]
-    return float(np.linalg.norm(apart)), -float(apart @ turn) / max(float(turn @ turn), 1e-300)
+    return float(np.linalg.norm(apart)), ratio(-float(apart @ turn), float(turn @ turn))
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:
@@ -278,7 +279,7 @@ class _Finder:
         """
         sides = _Approach(low, self(low)), _Approach(high, self(high))
         halved = high - low
-        for look in range(_MOST_LOOKS):
+        for look in range(BRACKET_LOOKS):
             ends = [side.end for side in sides]
             width = ends[1] - ends[0]
             if not min(side.margin for side in sides) > 0.0 or width <= _CLOSE:

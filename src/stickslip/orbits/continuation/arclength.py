@@ -22,6 +22,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import StickslipError
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.path import (
     INTERRUPTED,
@@ -213,7 +214,7 @@ def direction(
     _, J = equations(x)
     matrix = np.empty((len(x), len(x)))
     rows = np.multiply(J, scale, out=matrix[:-1])
-    rows /= np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
+    rows[:] = ratio(rows, np.abs(rows).max(axis=1, keepdims=True))
     tangent = np.linalg.svd(rows)[2][-1]
     tangent = tangent if tangent @ towards >= 0.0 else -tangent
     matrix[-1] = tangent
@@ -432,7 +433,7 @@ class _Tracer:
             return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached"), step
         if self._closed(path):
             return Ending(Stop.CLOSED, "the curve is closed"), step
-        wider = min(2.0, 0.5 * self.steps.turn / max(bend, 1e-300))
+        wider = min(2.0, ratio(0.5 * self.steps.turn, bend))
         return None, min(step * max(wider, 0.5), self.steps.largest)
 
     def _left_at_once(self, last: Point) -> str:
@@ -603,5 +604,5 @@ def _length(v: Array) -> float:
 
 
 def _angle(u: Array, v: Array) -> float:
-    cosine = float(u @ v) / max(_length(u) * _length(v), 1e-300)
+    cosine = ratio(float(u @ v), _length(u) * _length(v))
     return math.acos(min(max(cosine, -1.0), 1.0))

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from stickslip.numerics.levels import BRACKET_LOOKS, LAST_DIGITS
+
+_ASIDE = 1e-6  # of a value, to the second point of a secant where the guess is the first
 # how much further than the guess a change of sign is looked for
 _WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
-_FINEST = 1e-15  # part of a bracket to which a zero in it is found
-_MOST_LOOKS = 100
 
 
 def zero_between(
@@ -29,10 +30,10 @@ def zero_between(
     at_a, at_b : float
         What it is there.
     """
-    finest = max(_FINEST * abs(b - a), math.ulp(max(abs(a), abs(b))))
+    finest = max(LAST_DIGITS * abs(b - a), math.ulp(max(abs(a), abs(b))))
     part = at_a / (at_a - at_b)
     nearest = a
-    for _ in range(_MOST_LOOKS):
+    for _ in range(BRACKET_LOOKS):
         x = a + part * (b - a)
         value = function(x)
         if math.isnan(value):
@@ -69,7 +70,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
     if first == 0.0:
         return known
     if guess == known:
-        guess = known + 1e-6 * (abs(known) or 1.0)
+        guess = known + _ASIDE * (abs(known) or 1.0)
     near, before = known, first
     for part in _WIDER:
         far = known + part * (guess - known)

@@ -16,6 +16,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.engine.tables import TOGETHER
 from stickslip.orbits.fields.stable_set import settle_friction
@@ -78,9 +79,7 @@ def certify_cycle(closed: Closed) -> Certificate:
 def _movement(closed: Closed) -> float:
     """Largest range of a component, relative to its modulus."""
     samples = closed.samples(64)
-    return float(
-        np.max(np.ptp(samples, axis=0) / np.maximum(np.max(np.abs(samples), axis=0), 1e-300))
-    )
+    return float(np.max(ratio(np.ptp(samples, axis=0), np.max(np.abs(samples), axis=0))))
 
 
 def _remembered(closed: Closed) -> float:

@@ -32,6 +32,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.motion.simulate import with_span
+from stickslip.numerics.levels import COMPUTED_ZERO, GUARD_TOUCHED, SAME_VALUE
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure, over_period
 from stickslip.orbits.cycles.certificate import certify_cycle
@@ -52,8 +53,6 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_ROUNDING = 1e-12  # part of what a coordinate moves in a period below which it does not drift
-_TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
 _NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 
@@ -262,7 +261,7 @@ class Cycle(Result):
         """Shift of the state in a period; none where it is a rounding error of the motion."""
         orbit = self.closed.orbit
         moved = np.ptp(orbit.motion.knots.state, axis=0)
-        return np.where(np.abs(orbit.shift) > _ROUNDING * moved, orbit.shift, 0.0)
+        return np.where(np.abs(orbit.shift) > COMPUTED_ZERO * moved, orbit.shift, 0.0)
 
     @cached_property
     def residual(self) -> float:
@@ -704,7 +703,9 @@ def _differentiable(closed: Closed) -> bool:
     """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
     is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
-    return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > _TOUCHED)
+    return bool(
+        smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > GUARD_TOUCHED
+    )
 
 
 def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
@@ -714,7 +715,7 @@ def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
     declared = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
     if np.any(declared):
         along = float(declared @ shift / (declared @ declared))
-        if np.max(np.abs(shift - along * declared)) <= 1e-9 * size:
+        if np.max(np.abs(shift - along * declared)) <= SAME_VALUE * size:
             return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
     if size == 0.0:
         return {}, 0.0

@@ -13,6 +13,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
@@ -101,7 +102,7 @@ def phase_of_drive(
     table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
     wave = evaluator([formula], ["t", *names])(table)[0]
     first = np.mean(wave * np.exp(-2j * np.pi * t / period))
-    if not abs(first) > 1e-12 * np.max(np.abs(wave)):
+    if not abs(first) > COMPUTED_ZERO * np.max(np.abs(wave)):
         raise DeclarationError(
             "drive",
             f"{text} has no harmonic of period {period:.9g}",

@@ -20,6 +20,7 @@ from stickslip.errors import ConvergenceError, DeclarationError, StickslipError,
 from stickslip.model.system import is_span_given
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
 from stickslip.orbits.cycles.period import shortest
 from stickslip.orbits.fields.clock import clock
@@ -376,7 +377,7 @@ class _Search:
             times, states = motion.knots.time[[0, -1]], motion.knots.state[[0, -1]]
             shift, size = states[1] - states[0], np.abs(states).max(axis=0)
             moved = np.abs(shift) > _STEADY * size
-            velocity = np.where(moved, shift, 0.0) / max(float(times[1] - times[0]), 1e-300)
+            velocity = ratio(np.where(moved, shift, 0.0), float(times[1] - times[0]))
         return _at_rest(self.problem, time, fate.state, self.failure, velocity)
 
     def _ended(self, message: str) -> ConvergenceError:

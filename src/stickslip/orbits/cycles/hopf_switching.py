@@ -16,6 +16,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
+from stickslip.numerics.levels import COMPUTED_ZERO, FINE_RANK, NO_GROWTH
 from stickslip.orbits.continuation.bracket import zero_near
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.equilibria.normal_form import critical_pair
@@ -36,6 +37,8 @@ from stickslip.orbits.return_map.shooting import (
 _SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
 _INSIDE = 0.3  # … and to the distance from the next switching boundary
 _STRETCH = 2.0  # amplitudes grow by at most this factor from one cycle to the next
+_CORRECTED = 1e-9  # a correction, in units of the state, after which the point is known
+_ROOM = 1e-6  # amplitude up to the next guard that lets a cycle begin, in units of the state
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def _small_cycle(problem: Problem, point: SpecialPoint, name: str) -> _Seed:
             np.vstack([orbit.J, radial]) * units, np.append(orbit.F, 0.0), rcond=None
         )[0]
         x = x - units * step
-        if np.linalg.norm(step) < 1e-9:
+        if np.linalg.norm(step) < _CORRECTED:
             problem = with_value(problem, name, float(x[-1]))
             station = shooting.stations[0]
             state = station.place(x[: shooting.time], 0.0, parameter_values(problem)).state
@@ -141,7 +144,7 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
     guards = piece.leave(0.0, y, p)
     reach = np.abs(guards.slopes[:, : len(y)] @ q)
     room = np.min(guards.value[reach > 0.0] / reach[reach > 0.0], initial=np.inf)
-    if not room > 1e-6:
+    if not room > _ROOM:
         raise DeclarationError(
             "start",
             "the Hopf point is on a switching boundary",
@@ -157,7 +160,7 @@ def _settled(piece: Piece, y: Array, problem: Problem, shifts: Array) -> Array:
     # Newton's method where translations neither count nor are moved along.
     for _ in range(6):
         J = piece.jacobian(np.zeros(1), y[:, None], p)[0][:, :n]
-        y = y - np.linalg.lstsq(across @ J, across @ piece.rates(0.0, y, p), rcond=1e-10)[0]
+        y = y - np.linalg.lstsq(across @ J, across @ piece.rates(0.0, y, p), rcond=FINE_RANK)[0]
     return y
 
 
@@ -226,7 +229,7 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> Vanishing | None
         at, settled = pair(found)
     except (ZeroDivisionError, np.linalg.LinAlgError, StickslipError):
         return None
-    if not (abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < 1e-9 * frequency):
+    if not (abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < NO_GROWTH * frequency):
         return None
     there = parameter_values(with_value(problem, parameter, found))
     shifts = closed.shooting.symmetry.shifts
@@ -272,7 +275,7 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
         part = (value - point.value) / (here - point.value)
         stretch = float(np.clip(np.sqrt(part), 1.0 / _STRETCH, _STRETCH))
         here = value if part == stretch**2 else point.value + stretch**2 * (here - point.value)
-        here = value if abs(here - value) <= 1e-12 * abs(value) else here
+        here = value if abs(here - value) <= COMPUTED_ZERO * abs(value) else here
         problem = with_value(seed.problem, name, here)
         equilibrium = _settled(piece, seed.equilibrium, problem, closed.shooting.symmetry.shifts)
         state = equilibrium + stretch * (seed.state - seed.equilibrium)

@@ -23,6 +23,7 @@ _STEPS = 64  # of the motion between two normalisations
 _MOST = 256  # stretches that are looked at, from the end
 _BLOCKS = 8  # parts of the motion whose exponents are compared
 _CERTAIN = 3.0  # standard errors by which an exponent is positive
+_FORGOTTEN = 1e-12  # what is left of a change of unit size that contacts in stick have erased
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
             change = _admissible(part, pieces, sizes, rng)
         later = variation(part, pieces, change[:, None]).matrix[: len(sizes), 0]
         size = float(np.linalg.norm(later / sizes))
-        if not size > 1e-12:
+        if not size > _FORGOTTEN:
             change = None  # all of it was forgotten where contacts stick
             continue
         growth.append(np.log(size))

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import Window, window
@@ -22,7 +24,7 @@ class NearPoint:
         self.across: Array = np.eye(len(state)) - invariant @ invariant.T
         size = np.maximum(sizes, np.abs(self.across @ state))
         self.state = state
-        self.sizes: Array = np.where(size > 0.0, size, np.max(size, initial=1e-300))
+        self.sizes: Array = np.where(size > 0.0, size, np.max(size, initial=TINIEST))
 
     def distance(self, states: Array) -> Array:
         """Largest difference of a component, in units of the section."""
@@ -84,7 +86,7 @@ class NearCycle:
         """Distance of states to the polygon of the cycle."""
         a = self.polygon[:-1]
         chord = np.diff(self.polygon, axis=0)
-        length = np.maximum(np.sum(chord**2, axis=1), 1e-300)
+        length = np.sum(chord**2, axis=1)
         offset = self._offset(states, a)
-        part = np.clip(np.einsum("sci,ci->sc", offset, chord) / length, 0.0, 1.0)
+        part = np.clip(ratio(np.einsum("sci,ci->sc", offset, chord), length), 0.0, 1.0)
         return np.min(np.linalg.norm(offset - part[:, :, None] * chord, axis=2), axis=1)

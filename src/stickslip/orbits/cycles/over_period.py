@@ -19,6 +19,8 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.between.formulas import Along, evaluated, read_formula
+from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import modes_of_structures
 from stickslip.symbolic import expressions as ex
@@ -37,7 +39,6 @@ _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
 _CUT_TIMES = 26  # at most: until a kink is known
 _SINGULAR = 1e-10  # largest rounding error, relative to the largest value
-_ROUNDING = 1e-14  # part of the largest value by which values differ that are the same
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
 
@@ -168,14 +169,14 @@ def _closed_in_on(
     (higher) values, whose surroundings are cut until they are straight."""
     along = Along(motion, [*formulas.values()])
     seen = along(times, index)
-    size = np.maximum(np.max(np.abs(seen), axis=0), 1e-300)
+    size = np.maximum(np.max(np.abs(seen), axis=0), TINIEST)
     edge = np.diff(index) != 0
     first, last = np.r_[True, edge], np.r_[edge, True]  # of their steps
     share = np.arange(_CUTS + 1) / _CUTS
     ends: list[Array] = []
     for sign in (1.0, -1.0):
         lowest = np.min(sign * seen, axis=0)
-        at, which = _may_be_lower(sign * seen, first, last, _ROUNDING * size)
+        at, which = _may_be_lower(sign * seen, first, last, FEW_ROUNDINGS * size)
         steps = index[at]
         a, b = times[np.where(first[at], at, at - 1)], times[np.where(last[at], at, at + 1)]
         for _ in range(_CUT_TIMES):
@@ -188,7 +189,7 @@ def _closed_in_on(
             here = np.argmin(y, axis=1)
             np.minimum.at(lowest, which, y[rows, here])
             # What is straight up to rounding is nowhere lower than at its ends.
-            left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > _ROUNDING * size[which]
+            left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > FEW_ROUNDINGS * size[which]
             a = inside[rows, np.maximum(here - 1, 0)][left]
             b = inside[rows, np.minimum(here + 1, _CUTS)][left]
             at, which, steps = at[left], which[left], steps[left]
@@ -362,12 +363,12 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     for own in modes_of_structures(motion):
         size[own] = np.max(size[own])
     # What has only begun to slide moves by rounding errors of the others.
-    rounding = 2.0 / period * _ROUNDING * sizes[1]
+    rounding = 2.0 / period * FEW_ROUNDINGS * sizes[1]
     for own in modes_of_structures(motion):
         if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):
             return None
     change = np.maximum(np.abs(found[1] - found[0]) - rounding, 0.0)
-    return found[1], float(np.max(change / np.maximum(size, 1e-300)))
+    return found[1], float(np.max(ratio(change, size)))
 
 
 # -- means -----------------------------------------------------------------------------------------
@@ -473,8 +474,8 @@ def _averaged(
         before, found = found, np.full(len(known), np.nan + 0j)
         found[known] = 1.0 / period * (weights * w) @ f[:, known]
         # Between knots a component may be much larger than at them.
-        size = np.maximum(np.max(np.abs(f), axis=0), 1e-300)
-        change = np.where(known, np.abs(found - before) / size, np.inf)
+        size = np.max(np.abs(f), axis=0)
+        change = np.where(known, ratio(np.abs(found - before), size), np.inf)
         if np.max(change[known], initial=0.0) <= _EXACT:
             break
         counts = 2 * counts

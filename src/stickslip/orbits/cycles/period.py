@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, flattest, near
 from stickslip.orbits.return_map.recurrence import Recurrence, window
@@ -46,8 +47,8 @@ def same(closed: Closed) -> float:
     """Misses below this are none: they are not larger than what the state of the cycle is known
     to."""
     missed = closed.shooting.miss(closed.orbit)
-    ratio = flattest(closed.shooting, closed.orbit)[0]
-    return max(_SAME, _FLOOR * missed, _KNOWN * missed / max(ratio, 1e-300))
+    least = flattest(closed.shooting, closed.orbit)[0]
+    return max(_SAME, _FLOOR * missed, ratio(_KNOWN * missed, least))
 
 
 def shortest(closed: Closed) -> Closed:

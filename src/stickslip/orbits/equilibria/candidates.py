@@ -11,6 +11,7 @@ from stickslip.equations.derive import MotionEquations, derive
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.orbits.fields.steady import Array
 from stickslip.symbolic import expressions as ex
 
@@ -61,7 +62,7 @@ def possible_modes(
         for x, j in c.direction.items():
             weights[state.index(x)] = ex.evaluate(j, {**values, **at})
         w = surface_speed(c, {**at, **values})
-        free = np.any(np.abs(weights @ moved) > 1e-12 * np.max(np.abs(weights)))
+        free = np.any(np.abs(weights @ moved) > COMPUTED_ZERO * np.max(np.abs(weights)))
         turns = bool(c.speed.symbols & frozenset(state))  # a surface whose places have speeds
         alone.append((0, 1, -1) if free or turns else (-int(np.sign(w)),))
     found = []

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.certificates import Certificate, Residual
+from stickslip.numerics.levels import SUM_ROUNDING
 from stickslip.orbits.equilibria.stick_sets import Conditions
 from stickslip.orbits.fields.steady import Array, Steady
 
@@ -23,7 +24,6 @@ ON_BOUNDARY = 1e-9  # a guard this small, relative to its terms, is zero
 _SMALL = 1e-3  # unknowns count with at least this part of the largest
 _KNOWN = 1e-4  # eigenvalues are known to this part of the terms of the Jacobian
 _NEARBY = 1e-7  # over this part of the state the change of the Jacobian is seen
-_ROUNDING = 8.0 * np.finfo(float).eps
 
 
 def certify_equilibrium(
@@ -107,7 +107,7 @@ def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Arra
             np.where(change > 0.0, norms[:, 1 + i] / np.where(change > 0.0, change, 1.0), 0.0)
             * (sizes[:, i])
         )
-    error = _ROUNDING * terms
+    error = SUM_ROUNDING * terms
     # Bauer and Fike's bound is useless near a defective matrix, Elsner's for large n (R. Bhatia,
     # *Matrix Analysis*, 1997, chapter VIII).
     with np.errstate(all="ignore"):

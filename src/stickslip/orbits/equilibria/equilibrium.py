@@ -15,6 +15,7 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
+from stickslip.numerics.levels import NO_GROWTH
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic.pieces import boundary
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_CRITICAL = 1e-9  # real parts this small, relative to the largest eigenvalue, are zero
 
 
 @dataclass(frozen=True)
@@ -459,7 +458,7 @@ def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
         return True  # nothing is left that could move
     top = max(z.real for z in eigenvalues)
     scale = max(map(abs, eigenvalues))
-    return None if abs(top) <= max(_CRITICAL * scale, error) else top < 0.0
+    return None if abs(top) <= max(NO_GROWTH * scale, error) else top < 0.0
 
 
 def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:

@@ -45,6 +45,9 @@ _MOST = 4096  # modes times regions that are all tried
 _STARTS = 63
 _KNOWN = 1e-9  # ends of sets, relative to their size
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
+_LEAST_UNIT = 1e-6  # of a component, absolute: states at zero are not compared with their rounding
+_SAME_POINT = 1e-7  # distance, in these units, of points found on two sides of a boundary
+_MEETS = 1e-7  # of 1 + the modulus: distance of boxes, and of states from them, that is rounding
 
 
 @validated
@@ -225,7 +228,7 @@ class _Search:
     def _is_at(self, one: Equilibrium, y: Array) -> bool:
         """Whether a state is that of an isolated equilibrium, up to translation."""
         there = np.array(list(one.state.values()))
-        units = np.maximum(np.maximum(np.abs(y), np.abs(there)), 1e-6)
+        units = np.maximum(np.maximum(np.abs(y), np.abs(there)), _LEAST_UNIT)
         apart, along = (y - there) / units, self.invariant / units[:, None]
         return float(np.max(np.abs(apart - along @ (np.linalg.pinv(along) @ apart)))) <= _KNOWN
 
@@ -425,11 +428,11 @@ class _Search:
             self._normal_forces(field, y),
             self.eq.turned(field.region),
         )
-        units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), 1e-6)
+        units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), _LEAST_UNIT)
         for other in self.isolated:
             apart = (np.array(list(other.state.values())) - y) / units
             # The same point may be found on both sides of a boundary.
-            if np.max(np.abs(apart)) < 1e-7 and (
+            if np.max(np.abs(apart)) < _SAME_POINT and (
                 other.boundary or (other.mode, other.region) == (field.mode, field.region)
             ):
                 return
@@ -609,11 +612,11 @@ class _Search:
 def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
     """Whether two boxes meet."""
     pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
-    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)
+    return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
 
 
 def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
     return all(
-        low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high))
+        low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
         for x, (low, high) in extent.items()
     )

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.orbits.equilibria.level_sets import (
     FURTHEST,
     MOST_CORNERED,
@@ -145,7 +146,7 @@ class _Extents:
     def _fine(self) -> Array:
         unit = self.unit[:, self.task]
         ends = np.maximum(np.abs(self.low), np.abs(self.high))
-        least = np.maximum(1e-15 * unit, 2.0 * np.spacing(ends))
+        least = np.maximum(LAST_DIGITS * unit, 2.0 * np.spacing(ends))
         far = np.where(np.isinf(self.high), self.low, -self.high)
         far = far > FURTHEST * self.of.unit[:, None]
         return np.where(np.isinf(ends), far, self.high - self.low <= least)

@@ -23,6 +23,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import WHOLE_COUNT
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
 from stickslip.symbolic.expressions import Expr
@@ -38,6 +39,7 @@ MOST_CORNERED = 3  # unknowns up to which all corners of boxes count as directio
 _LEAST = 5e-324  # a negative number that is not known better
 _MOST_ROWS = 60  # sums of conditions that are tried far out
 _TURNS = 12  # multiples of the longest period that are tried for a common one
+_TIE = 1e-6  # weight of the width of a side, which decides only between equal changes
 
 
 class Enclosures(NamedTuple):
@@ -243,7 +245,7 @@ def period(expressions: Sequence[Expr], name: str, values: Mapping[str, float]) 
     longest = max(found, default=0.0)
     for n in range(1, _TURNS + 1):
         turns = [n * longest / p for p in found]
-        if all(abs(t - round(t)) <= 1e-12 * t for t in turns):
+        if all(abs(t - round(t)) <= WHOLE_COUNT * t for t in turns):
             return n * longest
     return 0.0
 
@@ -435,7 +437,7 @@ class _Covering:
         most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
         part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
         relative = width / self.of.unit[:, None]
-        part = relative if widest else part + 1e-6 * np.minimum(relative, 1e6)
+        part = relative if widest else part + _TIE * np.minimum(relative, 1e6)
         part = np.where(self._fine(low, high), -1.0, np.where(np.isinf(width), math.inf, part))
         self.smear[new] = np.argmax(part, axis=0)
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import RANK
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds, sure_sign
 from stickslip.symbolic.expressions import Expr
@@ -225,7 +226,7 @@ class _Elimination:
         left = invariant[rows].copy()
         held: set[str] = set()
         for _ in range(left.shape[1]):
-            if not left.size or np.max(np.abs(left)) < 1e-9:
+            if not left.size or np.max(np.abs(left)) < RANK:
                 break
             i, j = np.unravel_index(np.argmax(np.abs(left)), left.shape)
             x = free[int(i)]

@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
+from stickslip.numerics.levels import NEARLY_SOLVED, RANK, TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.steady import ResidualFunction
 
 # a zero is accepted if Newton's step there is shorter than this, in units of the unknowns
 _PRECISION = 1e-9
-_RANK = 1e-9  # singular values below this part of the largest are zero
 _ITERATIONS = 60
 _POLISH = 4
+_HELD = 1e-8  # of the largest entry, added to the diagonal: holds components that do not count
+_LEAST_DAMPING = 1e-14  # of Levenberg's method, where Newton's steps are full to rounding
+_FOUND = 1e-24  # sum of squares of scaled equations, to which starts are improved
+_APART = 1e-6  # distance of zeros that are two, in units of the state
 
 
 def fill_box(count: int, low: Array, high: Array) -> Array:
@@ -66,14 +71,16 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
     """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the
     start."""
     F, J = residual(y)
-    weight = 1.0 / np.maximum(np.max(np.abs(J) * units[None, :, None], axis=1), 1e-300)
+    weight = ratio(1.0, np.max(np.abs(J) * units[None, :, None], axis=1))
     damping = np.full(y.shape[1], 1e-2)
     F = weight * F
     J = weight[:, None] * J * units[None, :, None]
     for _ in range(_ITERATIONS):
         A, right = np.einsum("jik,jlk->kil", J, J), np.einsum("jik,jk->ki", J, F)
         # A little of the identity, so that components that do not count stay where they are.
-        diagonal = np.einsum("kii->ki", A) + 1e-8 * np.max(np.abs(A), axis=(1, 2))[:, None] + 1e-300
+        diagonal = (
+            np.einsum("kii->ki", A) + _HELD * np.max(np.abs(A), axis=(1, 2))[:, None] + TINIEST
+        )
         A = A + (damping[:, None] * diagonal)[:, :, None] * np.eye(len(y))
         trial = y - units[:, None] * np.linalg.solve(A, right[:, :, None])[:, :, 0].T
         G, K = residual(trial)
@@ -84,8 +91,8 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
         y = np.where(better, trial, y)
         F = np.where(better, G, F)
         J = np.where(better, K, J)
-        damping = np.clip(np.where(better, 0.2 * damping, 4.0 * damping), 1e-14, 1e10)
-        if np.all((np.sum(F**2, axis=0) <= 1e-24) | (damping > 1e6)):
+        damping = np.clip(np.where(better, 0.2 * damping, 4.0 * damping), _LEAST_DAMPING, 1e10)
+        if np.all((np.sum(F**2, axis=0) <= _FOUND) | (damping > 1e6)):
             break
     return y
 
@@ -96,11 +103,11 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     F, J = residual(y)
     J = np.moveaxis(J * units[:, None], -1, 0)
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
-    size = np.maximum(np.max(np.abs(J), axis=2), 1e-300)
-    u, s, v = np.linalg.svd(J / size[:, :, None], full_matrices=False)
-    kept = s > _RANK * np.maximum(s[:, :1], 1e-300)
+    size = np.max(np.abs(J), axis=2)
+    u, s, v = np.linalg.svd(ratio(J, size[:, :, None]), full_matrices=False)
+    kept = s > RANK * np.maximum(s[:, :1], TINIEST)
     reciprocal = np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)
-    inverse = np.einsum("kji,kj,klj->kil", v, reciprocal, u) / size[:, None, :]
+    inverse = ratio(np.einsum("kji,kj,klj->kil", v, reciprocal, u), size[:, None, :])
     return np.einsum("kij,jk->ik", inverse, F), np.sum(kept, axis=1)
 
 
@@ -115,7 +122,7 @@ def _distinct(
         if rank[k] < len(y):
             # A least-squares step of length zero may also be a minimum that is no zero.
             terms = np.abs(J[:, :, k]) @ np.maximum(np.abs(y[:, k]), units)
-            if not np.all(np.abs(F[:, k]) <= 1e-8 * terms):
+            if not np.all(np.abs(F[:, k]) <= NEARLY_SOLVED * terms):
                 continue
         else:
             # Elimination keeps exact zeros that the singular values of the steps before have
@@ -125,6 +132,6 @@ def _distinct(
             np.linalg.norm((y[:, k] - z) / units) / (1.0 + np.linalg.norm(z / units))
             for z, _ in found
         )
-        if all(d > 1e-6 for d in apart):
+        if all(d > _APART for d in apart):
             found.append((y[:, k], int(rank[k])))
     return found

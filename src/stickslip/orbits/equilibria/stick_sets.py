@@ -19,15 +19,18 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FEASIBLE, NEARLY_SOLVED, RANK, TINIEST
 from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_PRECISE = {"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE}
 # a guard may miss zero by this much, in units of its terms: the set contains its boundary
 _CLOSED = 1e-9
 _FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
+_OPTIMUM = 1e-13  # to which SLSQP finds an extent, in units of the state
+_GAIN = 1e-10  # of 1 + its modulus: a larger box that gains less does not bound the extent
 
 
 @dataclass(frozen=True)
@@ -198,7 +201,7 @@ def _optimum(
 
     units = np.maximum(np.abs(start), 1.0)
     sizes = [
-        np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), 1e-300)
+        np.maximum(np.max(np.abs(r(start)[1] * units), axis=1, initial=0.0), TINIEST)
         for r in (equal, guards)
     ]
     goal = np.zeros(len(start))
@@ -214,14 +217,14 @@ def _optimum(
             bounds=[(a - reach, a + reach) for a in z],
             method="SLSQP",
             constraints=[constraint("eq", equal, sizes[0]), constraint("ineq", guards, sizes[1])],
-            options={"maxiter": 200, "ftol": 1e-13},
+            options={"maxiter": 200, "ftol": _OPTIMUM},
         )
         off = np.max(np.abs(equal(units * found.x)[0]) / sizes[0], initial=0.0)
         beyond = np.max(-guards(units * found.x)[0] / sizes[1], initial=0.0)
-        if not (np.isfinite(found.fun) and max(off, beyond) < 1e-8):
+        if not (np.isfinite(found.fun) and max(off, beyond) < NEARLY_SOLVED):
             return best
         gain = sign * (found.x[component] - z[component])
-        if best is not None and not gain > 1e-10 * (1.0 + abs(z[component])):
+        if best is not None and not gain > _GAIN * (1.0 + abs(z[component])):
             return best
         z = found.x
         best = units * found.x
@@ -327,7 +330,7 @@ def dimension(conditions: Conditions, states: int, point: Array) -> int:
     scaled = slopes / np.where(size > 0.0, size, 1.0)
 
     def rank(matrix: Array) -> int:
-        return int(np.linalg.matrix_rank(matrix, tol=1e-9)) if matrix.size else 0
+        return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
 
     forces = len(conditions.unknowns) - states
     return len(conditions.unknowns) - rank(scaled) - (forces - rank(scaled[:, states:]))

@@ -20,14 +20,14 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property, made_once
 from stickslip.model.system import System
+from stickslip.numerics.levels import NO_CHANGE, SAME_VALUE
 from stickslip.orbits.fields.lines_and_phases import Reading, read_formulas
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import periodic_form
 
-_SAME = 1e-9  # changes below this part of their terms are none
-_STANDS = 1e-12  # … and phases that advance by less than this part of their terms do not advance
+_STANDS = 1e-12  # phases that advance by less than this part of their terms do not advance
 _MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
@@ -233,7 +233,7 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
             other = _clock(system, equations, values, found.zero - {name})
         except DeclarationError:
             continue
-        if other.period(values) <= found.period(values) * (1.0 + _SAME):
+        if other.period(values) <= found.period(values) * (1.0 + NO_CHANGE):
             found = other
     return found
 
@@ -258,7 +258,7 @@ def _clock(
     ratios = {}
     for e, rate in moving.items():
         ratios[e] = Fraction(rate / base).limit_denominator(_MOST_PERIODS)
-        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
+        if abs(float(ratios[e]) - rate / base) > SAME_VALUE * abs(rate / base):
             raise DeclarationError(
                 system.name,
                 f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "

@@ -27,14 +27,12 @@ from fractions import Fraction
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import MAKES_UP, NEARLY_WHOLE, ROUNDED_SUM
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
-_ROUNDING = 1e-13  # of the largest velocity, or of the terms of a phase
-_NEARLY_WHOLE = 1e-10
 _MOST_CELLS = 24  # phases turn by whole numbers with a ratio of at most this
 
 Slopes = dict[str, Expr]
@@ -66,9 +64,9 @@ class Reading:
             return np.zeros(len(states))
         found = np.linalg.lstsq(table[:, 1:], -table[:, 0], rcond=None)[0]
         # What is rounding beside the others is none.
-        found = np.where(np.abs(found) > _ROUNDING * np.max(np.abs(found)), found, 0.0)
+        found = np.where(np.abs(found) > ROUNDED_SUM * np.max(np.abs(found)), found, 0.0)
         left = np.abs(table[:, 0] + table[:, 1:] @ found)
-        if np.any(left > _MAKES_UP * (np.abs(table[:, 0]) + np.abs(table[:, 1:]) @ np.abs(found))):
+        if np.any(left > MAKES_UP * (np.abs(table[:, 0]) + np.abs(table[:, 1:]) @ np.abs(found))):
             return None
         return found
 
@@ -124,17 +122,19 @@ class Reading:
         first = list[int]()
         for i in np.argsort(-np.max(np.abs(turned), axis=1, initial=0.0), kind="stable"):
             row = turned[i] - turned[first].T @ _solved(turned[first].T, turned[i])
-            if np.max(np.abs(row), initial=0.0) > _MAKES_UP * np.max(np.abs(turned), initial=0.0):
+            if np.max(np.abs(row), initial=0.0) > MAKES_UP * np.max(np.abs(turned), initial=0.0):
                 first.append(int(i))
         found = list[Array]()
         least = free @ np.linalg.pinv(turned[first])
         for cell in least.T:
             turns = phases @ cell
             parts = [Fraction(float(x)).limit_denominator(_MOST_CELLS) for x in turns]
-            if np.allclose([float(x) for x in parts], turns, rtol=_MAKES_UP, atol=_MAKES_UP):
+            if np.allclose([float(x) for x in parts], turns, rtol=MAKES_UP, atol=MAKES_UP):
                 found.append(cell * math.lcm(*(part.denominator for part in parts)))
         cells = np.array(found).reshape(len(found), len(states)).T
-        return np.where(np.abs(cells) > _ROUNDING * np.max(np.abs(cells), initial=0.0), cells, 0.0)
+        return np.where(
+            np.abs(cells) > ROUNDED_SUM * np.max(np.abs(cells), initial=0.0), cells, 0.0
+        )
 
     def _turned(self, states: list[str], values: Mapping[str, float]) -> tuple[Array, Array, Array]:
         """The phases as rows of numbers, shifts that leave the lines as they are as columns, and by
@@ -145,7 +145,7 @@ class Reading:
         free = _kernel(self._table(["t", *states], values)[:, 1:])
         turned = phases @ free
         terms = np.abs(phases) @ np.abs(free)
-        return phases, free, np.where(np.abs(turned) > _MAKES_UP * terms, turned, 0.0)
+        return phases, free, np.where(np.abs(turned) > MAKES_UP * terms, turned, 0.0)
 
     def timed(self) -> Expr:
         """A term with a line in which time stands, to be named where no frame makes up for it."""
@@ -164,7 +164,7 @@ class Reading:
 def _kernel(matrix: Array) -> Array:
     """Basis of what a matrix maps to zero, shape (columns, vectors)."""
     _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1, matrix.shape[1]))]))
-    return v[int(np.sum(s > _MAKES_UP * s[0])) if len(s) else 0 :].T
+    return v[int(np.sum(s > MAKES_UP * s[0])) if len(s) else 0 :].T
 
 
 def _echelon(directions: Array) -> Array:
@@ -176,7 +176,7 @@ def _echelon(directions: Array) -> Array:
         if done == len(rows):
             break
         i = done + int(np.argmax(np.abs(rows[done:, j])))
-        if abs(rows[i, j]) <= _MAKES_UP:
+        if abs(rows[i, j]) <= MAKES_UP:
             continue
         rows[[done, i]] = rows[[i, done]]
         rows[done] /= rows[done, j]
@@ -184,7 +184,7 @@ def _echelon(directions: Array) -> Array:
         rows[others] -= np.outer(rows[others, j], rows[done])
         done += 1
     whole = np.round(rows)
-    return np.where(np.abs(rows - whole) < _NEARLY_WHOLE, whole, rows).T
+    return np.where(np.abs(rows - whole) < NEARLY_WHOLE, whole, rows).T
 
 
 def _leaves(rows: list[Slopes], states: list[str], shift: Array) -> bool:

@@ -32,6 +32,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, in_region
 from stickslip.equations.mode_fields import impact_map
 from stickslip.kept import kept
+from stickslip.numerics.levels import FEW_ROUNDINGS, TANGENT
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece, Pieces, mass_at
@@ -55,10 +56,8 @@ _APART = 1e-6  # part by which their derivatives differ then
 _CLOSED = 1e-10  # part of the places that a gap may be and is closed
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
-_ROUNDING = 1e-14  # of velocities
 _SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
 _MOST_MODES = 4096  # of an impact that are tried
-_TANGENT = 1e-9  # part of its terms below which a gap closes without speed
 
 
 class Landing(NamedTuple):
@@ -223,7 +222,7 @@ def saltation(
         if _is_corner(equations, left, (t, y, after), (contact, none), found, p):
             return Saltation(np.eye(columns), np.zeros(columns), False, _CHANGES)
     S = np.eye(columns)
-    if not abs(here.fall[g]) > _TANGENT * here.terms[g]:
+    if not abs(here.fall[g]) > TANGENT * here.terms[g]:
         return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
@@ -323,7 +322,7 @@ def _in_turn(
                 late = -gap[2:] / fall
             S, rates = jump @ S, onward
             if ends:
-                known = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
+                known = _SAME * size + FEW_ROUNDINGS * float(np.max(np.abs(y)))
                 if float(np.max(np.abs(y - after))) <= known:
                     return Saltation(S, late, True)
                 break
@@ -455,7 +454,7 @@ def _between(
     """
     mode = np.array(left.field.mode, np.int8)
     speed = {c: abs(float(left.velocity(c, *at)[0])) for c in near}
-    slow = _TANGENT * max(speed.values())
+    slow = TANGENT * max(speed.values())
     for c in near:
         mode[c] = 0 if left.field.mode[c] == 0 and speed[c] <= slow else 1
     for i in range(len(mode)):
@@ -536,7 +535,7 @@ def _mode_of(
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None
     landing: Landing | None = None
-    least = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
+    least = _SAME * size + FEW_ROUNDINGS * float(np.max(np.abs(y)))
     for mode in candidates:
         try:
             found = _impact_map(equations, left, mode, settled)(t, y, p)
@@ -579,7 +578,7 @@ def _is_corner(
     contact, settled = closing
     size = _CORNER * float(np.max(np.abs(after - y), initial=0.0))
     closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
-    if not closed - {contact} or size < _ROUNDING * float(np.max(np.abs(y))):
+    if not closed - {contact} or size < FEW_ROUNDINGS * float(np.max(np.abs(y))):
         return False
     scale = float(np.max(np.abs(landing.slopes)))
     bounds = left.bounds(t, y, p).slopes

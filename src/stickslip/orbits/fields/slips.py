@@ -27,6 +27,8 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
 from stickslip.model.entries.declared import Kind
 from stickslip.motion.record.knots import Knots
+from stickslip.numerics.levels import ROUNDED_TERM, TANGENT, TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at
 from stickslip.orbits.fields.saltation import Saltation
@@ -39,9 +41,9 @@ if TYPE_CHECKING:
 _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
 _ANGLES, _POLISH = 400, 12  # of the search for the direction in which a slip begins
-_CLOSE, _ROUNDED = 1e-12, 4e-16  # parts of a step before its end, and of a velocity
+_CLOSE = 1e-12  # part of a step before its end
+_LEAST_TERM = 1e-12  # of the largest: norms below it are divided by no less than that
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
-_TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
 
 
 def through(
@@ -98,7 +100,7 @@ def through(
         else:
             own = cause if cause >= 0 else len(equations.kinks) + begun[0]
             passing = _own(left, here, own)
-    if not abs(passing.fall) > _TANGENT * passing.terms:
+    if not abs(passing.fall) > TANGENT * passing.terms:
         return none
     earlier = passing.slopes / passing.fall
     S[:n] += np.outer(onward - here.rates, earlier)
@@ -128,8 +130,8 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
     # The closer the better, but u is a difference of velocities, which are rounded.
     moving = [i for i, name in enumerate(motion.system.declaration.state) if name[:2] == "d_"]
-    rounding = _ROUNDED * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
-    close = np.sqrt(rounding / max(float(np.max(np.abs(limit[moving]), initial=0.0)), 1e-300))
+    rounding = ROUNDED_TERM * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
+    close = np.sqrt(ratio(rounding, float(np.max(np.abs(limit[moving]), initial=0.0))))
     return float(k.time[knot]), k.state[knot] + max(close, _CLOSE * left) * limit
 
 
@@ -240,7 +242,7 @@ def _stopping(
     J = slopes[:, moving]
     M = mass_at(equations, piece, at)
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
-    weight /= np.sqrt(max(float(u @ weight), 1e-300))
+    weight /= np.sqrt(max(float(u @ weight), TINIEST))
     return _passing(float(weight @ time), weight @ slopes, rates)
 
 
@@ -278,7 +280,7 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
         tangent = scipy.linalg.null_space(w[None])
         turn = np.linalg.solve(s * tangent.T @ bend @ tangent, tangent.T @ slope)
         length = np.linalg.norm(turn)
-        w = w - tangent @ turn * min(1.0, 0.3 / max(length, 1e-300))
+        w = w - tangent @ turn * min(1.0, ratio(0.3, float(length)))
         w = w / np.linalg.norm(w)
     way = [ex.num(float(x)) for x in w]
     h = plane.room_along(forces, way)
@@ -401,7 +403,7 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     w = work / float(work @ work)
     for _ in range(_MOST_TURNS):
         sizes = [float(np.linalg.norm(G @ w)) for G, _ in shapes]
-        least = 1e-12 * max(sizes)
+        least = _LEAST_TERM * max(sizes)
         H = sum(s / max(size, least) * G.T @ G for (G, s), size in zip(shapes, sizes, strict=True))
         new = np.linalg.lstsq(H, work, rcond=None)[0]
         new /= float(work @ new)

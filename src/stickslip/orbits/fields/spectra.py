@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
+from stickslip.numerics.levels import LEFT_OUT, ZERO_EIGENVALUE
 from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, Spectra
 
 _CONDITION = 1e4  # of eigenvectors, in whatever units, from which on they are nearly dependent
 _ROUNDING = 1e-11  # part of an eigenvalue that may be rounding
-_STILL = 1e-13  # an eigenvalue of this part of the largest is 0
-_GONE = 1e-9  # part of the largest eigenvalue that may be left out of the matrix
 
 
 def decompose_piece(spectra: Spectra, w: int, rates: Array, held: Array) -> None:
@@ -52,7 +51,7 @@ def _decomposed(spectra: Spectra, w: int, A: Array, rates: Array) -> bool:
         return False
     error = np.finfo(float).eps * np.einsum("bi,ij,jb->b", np.abs(L), np.abs(A), np.abs(V))
     size = np.abs(values)
-    values = np.where(size > _STILL * np.max(size), values, 0.0)
+    values = np.where(size > ZERO_EIGENVALUE * np.max(size), values, 0.0)
     if np.any(error > _ROUNDING * np.abs(values), where=values != 0.0):
         return False
     # Where eigenvectors are missing (a place and its velocity, both constant), those of two
@@ -60,7 +59,7 @@ def _decomposed(spectra: Spectra, w: int, A: Array, rates: Array) -> bool:
     # velocity is as large as its place for the fastest mode.
     unit = np.where(rates, np.max(size), 1.0)
     gone = (np.abs(V) * np.where(values == 0.0, size, 0.0)) @ np.abs(L)
-    if np.any(gone * unit > _GONE * np.max(size) * unit[:, None]):
+    if np.any(gone * unit > LEFT_OUT * np.max(size) * unit[:, None]):
         return False
     kept = np.flatnonzero(values.imag >= 0.0)
     twice = np.where(values[kept].imag > 0.0, 2.0, 1.0)

@@ -16,6 +16,7 @@ from stickslip.symbolic import expressions as ex
 
 _SWEEPS = 100  # of the start of rate-independent coordinates
 _BEYOND = 1e-9  # excess, relative to the forces, that is none
+_UNMOVED = 1e-15  # of 1 + the modulus: coordinates that friction moves by less are settled
 
 
 def excess(
@@ -83,7 +84,7 @@ def settle_friction(
             moved = max(moved, float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row])))))
         for plane in _planes(equations):
             moved = max(moved, _settle_plane(equations, plane, values, states, time))
-        if moved < 1e-15:
+        if moved < _UNMOVED:
             return
 
 

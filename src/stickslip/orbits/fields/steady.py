@@ -25,11 +25,11 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import COMPUTED_ZERO, FINE_RANK, ROUNDED_SUM
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-
-_NOISE = 1e-13  # a value this small, relative to the terms it is made of, is rounding
 
 
 class ResidualFunction:
@@ -220,7 +220,7 @@ class Steady:
         n = state.shape[1]
         largest = np.max(np.abs(points if among is None else among), axis=1)
         largest[:n] = np.maximum(largest[:n], np.max(state, axis=0))
-        relative = values / np.maximum(np.abs(slopes) @ largest, 1e-300)
+        relative = ratio(values, np.abs(slopes) @ largest)
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def sizes_beside(self, points: Array, beside: Array) -> Sizes:
@@ -235,7 +235,7 @@ class Steady:
         largest = np.maximum(np.abs(points), np.abs(beside)).T
         largest[:, :n] = np.maximum(largest[:, :n], state)
         terms = np.einsum("kij,kj->ki", np.abs(slopes), largest)
-        relative = values / np.maximum(terms, 1e-300)
+        relative = ratio(values, terms)
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def _scales(self, points: Array) -> tuple[Array, Array, Array]:
@@ -268,12 +268,16 @@ class Steady:
         _, slopes = self.residual(*spans)(x)
         widths = np.array([high - low for low, high in spans.values()])
         moved = np.abs(np.linalg.pinv(slopes[:, :n]) @ slopes[:, n:]) @ widths
-        own = np.where(own > 1e-12 * moved, np.maximum(own, np.minimum(moved, 10.0 * own)), moved)
+        own = np.where(
+            own > COMPUTED_ZERO * moved, np.maximum(own, np.minimum(moved, 10.0 * own)), moved
+        )
         return np.where(own > 0.0, own, np.max(own, initial=0.0) or 1.0)
 
     def settled(self, y: Array) -> Array:
         """The state with components that are only rounding set to zero."""
-        return np.where(np.abs(y) <= _NOISE * self.sizes(self.point(y)[:, None]).state[0], 0.0, y)
+        return np.where(
+            np.abs(y) <= ROUNDED_SUM * self.sizes(self.point(y)[:, None]).state[0], 0.0, y
+        )
 
     def drift(self, point: Array) -> Array:
         """Rates of the state in steady motion."""
@@ -283,7 +287,8 @@ class Steady:
         values, slopes = self._local(point)
         rates = self.invariant @ (self.invariant.T @ values[:n])
         return np.where(
-            np.abs(rates) <= _NOISE * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
+            np.abs(rates)
+            <= ROUNDED_SUM * (np.abs(slopes[:n]) @ self.sizes(point[:, None]).state[0]),
             0.0,
             rates,
         )
@@ -345,7 +350,7 @@ def invariant_directions(
     size = np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0)
     matrix = np.vstack([np.zeros((1, len(names))), matrix / np.where(size > 0.0, size, 1.0)])
     _, s, v = np.linalg.svd(np.linalg.qr(matrix, mode="r"))
-    rank = int(np.sum(s > 1e-10 * max(1.0, np.max(s, initial=0.0))))
+    rank = int(np.sum(s > FINE_RANK * max(1.0, np.max(s, initial=0.0))))
     basis = np.zeros((len(d.state), len(names) - rank))
-    basis[places] = np.where(np.abs(v[rank:]) > 1e-12, v[rank:], 0.0).T
+    basis[places] = np.where(np.abs(v[rank:]) > COMPUTED_ZERO, v[rank:], 0.0).T
     return basis

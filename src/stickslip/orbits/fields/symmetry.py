@@ -19,13 +19,19 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import (
+    LAST_DIGITS,
+    NEARLY_WHOLE,
+    NO_CHANGE,
+    RANK,
+    ROUNDED_SUM,
+    TINIEST,
+)
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 
-_RANK = 1e-9  # singular values below this part of the largest are zero
-_SAME = 1e-9  # changes below this part of their terms are none
-_ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 _SAMPLES = 12  # of every piece, at which symmetries are looked for
+_STANDS = 1e-10  # of 1 + the largest: a component of the frame that does not move
 
 
 @dataclass(frozen=True)
@@ -83,10 +89,10 @@ def alike(a: Symmetry, b: Symmetry) -> bool:
         return False
     together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])
     known = [(a.turn, b.turn), (a.frame, b.frame)]
-    return bool(np.linalg.matrix_rank(together, _RANK) <= a.shifts.shape[1]) and all(
+    return bool(np.linalg.matrix_rank(together, RANK) <= a.shifts.shape[1]) and all(
         x is None
         or y is None
-        or np.allclose(x, y, rtol=_RANK, atol=_RANK * np.max(np.abs(x), initial=0.0))
+        or np.allclose(x, y, rtol=RANK, atol=RANK * np.max(np.abs(x), initial=0.0))
         for x, y in known
     )
 
@@ -122,7 +128,7 @@ class Surroundings:
         # Where shifts of any size change nothing, cells say nothing more.
         N, C = shifts / self.sizes[:, None], cells / self.sizes[:, None]
         rest = C - N @ np.linalg.lstsq(N, C, rcond=None)[0]
-        cells = cells[:, np.max(np.abs(rest), axis=0) > _SAME * np.max(np.abs(C), axis=0)]
+        cells = cells[:, np.max(np.abs(rest), axis=0) > NO_CHANGE * np.max(np.abs(C), axis=0)]
         if frame is not None or drives is None:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)), cells)
         return Symmetry(shifts, None, self._turn(p, drives) / drives.parts, cells)
@@ -160,12 +166,12 @@ class Surroundings:
         # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
         # less than rounding is felt not at all.
         felt = np.max(np.abs(matrix), axis=0, initial=0.0)
-        units = 1.0 / np.maximum(felt, _ROUNDING / _RANK * np.max(felt) + 1e-300)
+        units = 1.0 / np.maximum(felt, LAST_DIGITS / RANK * np.max(felt) + TINIEST)
         matrix = matrix * units
         # The triangle has the same singular values and directions as the many rows.
         triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
         _, s, v = np.linalg.svd(triangle)
-        rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
+        rank = int(np.sum(s > RANK * max(s[0], TINIEST)))
         return v[rank:].T * (units * np.append(1.0, self.sizes))[:, None]
 
     def _turn(self, p: Array, drives: Drives) -> Array:
@@ -191,14 +197,14 @@ class Surroundings:
         size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
         # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
         # elsewhere.
-        size = np.maximum(size, _ROUNDING / _SAME * np.max(size) + 1e-300)
+        size = np.maximum(size, LAST_DIGITS / NO_CHANGE * np.max(size) + TINIEST)
         matrix = matrix / size[:, None]
         change = change / size
-        if np.max(np.abs(change)) <= _SAME:
+        if np.max(np.abs(change)) <= NO_CHANGE:
             return moved
-        shift = np.linalg.lstsq(matrix, -change, rcond=_RANK)[0]
-        if np.max(np.abs(matrix @ shift + change)) <= _SAME:
-            rest = np.where(np.abs(shift) > _SAME * np.max(np.abs(shift)), shift, 0.0)
+        shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
+        if np.max(np.abs(matrix @ shift + change)) <= NO_CHANGE:
+            rest = np.where(np.abs(shift) > NO_CHANGE * np.max(np.abs(shift)), shift, 0.0)
             return moved + rest * self.sizes
         raise DeclarationError(
             "period",
@@ -211,13 +217,13 @@ class Surroundings:
 def _unit(rows: Array) -> Array:
     """Rows with largest component 1; those that are only rounding are left out."""
     size = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
-    kept = size[:, 0] > 1e-13 * np.max(size, initial=0.0)
+    kept = size[:, 0] > ROUNDED_SUM * np.max(size, initial=0.0)
     return rows[kept] / size[kept]
 
 
 def _split(free: Array) -> tuple[Array, Array | None]:
     """Shifts of the state, and the frame that goes with a shift of time, if there is one."""
-    moving = np.abs(free[0]) > 1e-9 * np.max(np.abs(free), initial=0.0)
+    moving = np.abs(free[0]) > NO_CHANGE * np.max(np.abs(free), initial=0.0)
     if not np.any(moving):
         return _clean(free[1:]), None
     # Combinations without a shift of time are shifts of the state; of those that shift it by 1, the
@@ -227,7 +233,7 @@ def _split(free: Array) -> tuple[Array, Array | None]:
     frame = free[1:] @ free[0] / (free[0] @ free[0])
     if shifts.shape[1]:
         frame = frame - shifts @ np.linalg.lstsq(shifts, frame, rcond=None)[0]
-    return shifts, np.where(np.abs(frame) > 1e-10 * (1.0 + np.max(np.abs(frame))), frame, 0.0)
+    return shifts, np.where(np.abs(frame) > _STANDS * (1.0 + np.max(np.abs(frame))), frame, 0.0)
 
 
 def _clean(directions: Array) -> Array:
@@ -240,4 +246,4 @@ def _clean(directions: Array) -> Array:
             if k != i:
                 rows[k] -= rows[k, j] * rows[i]
     whole = np.round(rows)
-    return np.where(np.abs(rows - whole) < 1e-10, whole, rows).T
+    return np.where(np.abs(rows - whole) < NEARLY_WHOLE, whole, rows).T

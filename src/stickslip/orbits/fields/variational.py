@@ -26,6 +26,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
 from stickslip.motion.steps.arrays import INERTIAL
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.orbits.fields import slips
 from stickslip.orbits.fields.engine.events import jump
 from stickslip.orbits.fields.engine.resolution import resolve_steps
@@ -56,9 +57,6 @@ from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
-
-
-_ROUNDED = 1e-12  # part of its terms that is nothing in a linear form
 
 
 @dataclass(frozen=True)
@@ -167,7 +165,7 @@ def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
     bounds = piece.bounds(t, y, p)
     n = len(y)
     rows = bounds.slopes[:, :n]
-    loads = np.abs(bounds.value - rows @ y) > _ROUNDED * (np.abs(rows) @ np.abs(y))
+    loads = np.abs(bounds.value - rows @ y) > COMPUTED_ZERO * (np.abs(rows) @ np.abs(y))
     moved = np.any(bounds.slopes[:, n:] != 0.0, axis=1) | (bounds.time != 0.0)
     return rows[~(moved | loads)]
 

@@ -11,6 +11,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
 from stickslip.kept import cached_property
 from stickslip.motion.problem import Problem
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.held import held_positions, same_held
 from stickslip.orbits.return_map.multipliers import Spectrum, spectrum
@@ -130,9 +131,7 @@ def _shortened(
 ) -> Orbit | None:
     """The first of the shortened steps that closes better; None if there is none."""
     miss = np.linalg.norm(orbit.F)
-    part = min(
-        1.0, 1.0 / (np.max(np.abs(step)) + 1e-300), 0.3 / (abs(step[shooting.time]) + 1e-300)
-    )
+    part = min(1.0, ratio(1.0, np.max(np.abs(step))), ratio(0.3, abs(step[shooting.time])))
     for _ in range(tries):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
@@ -207,13 +206,15 @@ def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
     radius = (states - np.mean(states, axis=0)) / sizes
     motion = np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)
     lengths = np.linalg.norm(radius, axis=1) * np.linalg.norm(motion, axis=1)
-    cosine = np.abs(np.sum(radius * motion, axis=1)) / np.maximum(lengths, 1e-300)
+    cosine = ratio(np.abs(np.sum(radius * motion, axis=1)), lengths)
     states = states + np.outer(np.arange(count) / count, orbit.shift)
     n = states.shape[1]
     p = parameter_values(orbit.problem)
     guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
     room = np.min(
-        guards / np.max(np.abs(guards), axis=1, keepdims=True, initial=1e-300), axis=0, initial=1.0
+        ratio(guards, np.max(np.abs(guards), axis=1, keepdims=True, initial=0.0)),
+        axis=0,
+        initial=1.0,
     )
     across = cosine <= max(_ACROSS, float(np.min(cosine)))
     return float(times[np.argmax(np.where(across, room, -np.inf))])

@@ -29,6 +29,7 @@ from stickslip.orbits.return_map.shooting import Orbit, Shooting
 _SLOW = 1e-2
 _CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
 _EXACT = 1e-11  # members of a family close up to this part of their size
+_SHOWN = 1e-6  # of its largest component: what messages show of a direction
 # members are looked for so far away, in units of the size of the cycle
 _AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 
@@ -98,7 +99,7 @@ def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
     change = change / np.max(np.abs(change))
     names = shooting.problem.system.declaration.state
     along = ", ".join(
-        f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6
+        f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > _SHOWN
     )
     beside = (
         "apart from translations"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation, variation
@@ -168,7 +169,9 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     def near(t: float) -> float:
         return float(value(np.array([t]), best[2])[0])
 
-    found: Any = minimize_scalar(near, bounds=ends, method="bounded", options={"xatol": 1e-14})
+    found: Any = minimize_scalar(
+        near, bounds=ends, method="bounded", options={"xatol": FEW_ROUNDINGS}
+    )
     return min(best, (float(found.fun), float(found.x), best[2]), key=lambda entry: entry[0])
 
 

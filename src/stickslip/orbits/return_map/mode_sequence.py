@@ -17,6 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.model.entries.keys import NORMAL
+from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.recurrence import SHORTEST, segments
@@ -30,7 +31,6 @@ Sequence = tuple[ModeAndRegion, ...]
 _IMPACT = 4  # mode of a contact that is struck, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
 _ROUNDED = 1e-6  # part of its size above which a guard rises on both sides of a minimum
-_NOISE = 1e-14  # rounding errors of a guard, in parts of its terms
 _FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
@@ -188,7 +188,7 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
         margins.append(min(low, key=lambda dip: dip.value).refined()[1])
     for (_, a), (b, _) in itertools.pairwise(found):
         margins += reversals(motion, pieces, a, b, p)
-    return max(min(margins, default=1.0), 1e-300)
+    return max(min(margins, default=1.0), TINIEST)
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
         # … and so has what is hardly more than they are, as gaps between the last bounces.
         middle = looks.states[inside][len(times) // 2]
         slopes = np.abs(piece.leave(float(times[len(times) // 2]), middle, p).slopes[:, :n])
-        known = np.maximum(known, _NOISE * slopes @ np.abs(middle))
+        known = np.maximum(known, FEW_ROUNDINGS * slopes @ np.abs(middle))
     for row in np.flatnonzero(np.any(lowest, axis=1)):
         parts = np.split(guards[row], np.searchsorted(times, breaks[row]))
         lowest[row] &= np.concatenate([_rises(part, known[row]) for part in parts])[1:-1]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
+from stickslip.numerics.levels import RANK, TINIEST
 from stickslip.orbits.return_map.held import forms
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, parameter_values
 
@@ -98,5 +99,5 @@ def _independent(held: Array, unchanged: Array) -> Array:
     if not len(held) or not unchanged.shape[1]:
         return held
     u, s, _ = np.linalg.svd(held @ unchanged)
-    size = np.max(np.abs(held)) * np.max(np.abs(unchanged), initial=1e-300)
-    return u[:, np.sum(s > 1e-9 * size) :].T @ held
+    size = np.max(np.abs(held)) * np.max(np.abs(unchanged), initial=TINIEST)
+    return u[:, np.sum(s > RANK * size) :].T @ held

@@ -11,6 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import INERTIAL
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of, clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
@@ -31,6 +32,7 @@ _MODE = 1e-3  # of the largest mode of a structure: the least size of another
 _CLOSER = 1e3  # … but not before one that misses by so much less
 _EXACT = 1e-9  # … or closes
 _BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
+_STILL = 1e-9  # of its modulus: spread of a component that does not move
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ class Window:
         """Largest range of a component relative to a modulus: 0 if nothing moves but along
         translations."""
         home = self.at_home(self.carried(self.states, self.times), self.times)
-        return float(np.max(np.ptp(home, axis=0) * self.sizes / (modulus + 1e-300)))
+        return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
 def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
@@ -192,7 +194,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     motion of the others."""
     spread = 0.5 * np.ptp(moving, axis=0)
     modulus = np.max(np.abs(states), axis=0)
-    still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
+    still = _STILL * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
     modes = modes_of_structures(motion)
@@ -347,7 +349,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
                 np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
                 / 2.0
             )
-            distance = float(miss / max(size, 1e-300))
+            distance = float(ratio(miss, size))
             found.append(
                 Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
             )

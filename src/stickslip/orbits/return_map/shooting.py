@@ -28,6 +28,8 @@ from stickslip.errors import ConvergenceError
 from stickslip.kept import cached_property
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.numerics.levels import RANK
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
@@ -42,6 +44,7 @@ MOST_EVENTS = 100_000  # of one period
 _PLACED = 1e-14  # a correction this small, in units of the cycle, changes no derivative
 _MOST_PLACINGS = 3
 _FLIGHT = 60.0  # shortest times in a flight from which on it is worth a closed form for one motion
+_DIFFERENCE = 1e-5  # relative step of a central difference: about the cube root of ε
 
 
 class NoReturn(ConvergenceError):
@@ -202,7 +205,7 @@ def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes:
     lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
     slopes = np.divide(slopes, lengths, out=slopes, where=lengths > 0.0)
     _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))
-    rank = int(np.sum(s > 1e-9 * s[0])) if len(s) else 0
+    rank = int(np.sum(s > RANK * s[0])) if len(s) else 0
     return Station(part, piece, y, sizes[:, None] * v[rank:].T, sizes[:, None] * v[:rank].T)
 
 
@@ -415,8 +418,7 @@ class Shooting:
         """Units of the unknowns: size of the cycle, period, size again, width of the parameter's
         range."""
         lengths = [
-            1.0 / max(np.max(np.abs(self.stations[0].chart @ e)), 1e-300)
-            for e in self.symmetry.shifts.T
+            ratio(1.0, np.max(np.abs(self.stations[0].chart @ e))) for e in self.symmetry.shifts.T
         ]
         return np.concatenate(
             [np.ones(self.time), [x[self.time]], lengths, [width] if self.free else []]
@@ -433,7 +435,7 @@ class Shooting:
                 - self.symmetry.frame
             )
             rows.insert(0, station.chart @ rate)
-        rows = [row / max(np.linalg.norm(row), 1e-300) for row in rows]
+        rows = [ratio(row, np.linalg.norm(row)) for row in rows]
         return np.array(rows).reshape(len(rows), station.basis.shape[1])
 
     def unchanged(self, orbit: Orbit) -> Array:
@@ -600,7 +602,7 @@ class Shooting:
         by_parameter = zero
         if self.free:
             value = problem.parameters[self.free]
-            h = 1e-5 * max(abs(value), 1e-3)
+            h = _DIFFERENCE * max(abs(value), 1e-3)
             ends = [
                 setting.moved(setting.at(with_value(problem, self.free, value + d)), period)
                 for d in (-h, h)

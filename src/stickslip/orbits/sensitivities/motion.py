@@ -27,6 +27,7 @@ from stickslip.model.quantities import quantity
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import TOUCHED
 from stickslip.orbits.fields.variational import Variation, variation
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
 
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
-_NOTHING = 1e-12  # an unknown below this part of the sum of its terms is zero
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
+_FINE_RTOL = 1e-12  # of motions that are differenced
 
 
 @dataclass(frozen=True)
@@ -536,7 +537,7 @@ def second_opinion(found: Sensitivity) -> Array:
         target = given if name in given else begin
         for x, slope in _start_slope(motion, name).items():
             target[x] += slope * change
-        moved = simulate(system, span, initial=begin, parameters=given, rtol=1e-12)
+        moved = simulate(system, span, initial=begin, parameters=given, rtol=_FINE_RTOL)
         if not moved.outcome.ok:
             return np.full(found.values.shape, np.nan)
         observed = sensitivities(moved, (), found.times, found.observed, touching=False)
@@ -547,7 +548,7 @@ def second_opinion(found: Sensitivity) -> Array:
         row = motion.system.unknown(name) or {name: 1.0}
         terms = [w * {**start, **motion.parameters}[x] for x, w in row.items()]
         size = abs(sum(terms))
-        h = _DIFFERENCE * (size if size > _NOTHING * sum(map(abs, terms)) else 1.0)
+        h = _DIFFERENCE * (size if size > COMPUTED_ZERO * sum(map(abs, terms)) else 1.0)
         rough, fine = (
             (values(name, s * h) - values(name, -s * h)) / (2 * s * h) for s in (1.0, 0.5)
         )

@@ -12,12 +12,12 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import GUARD_TOUCHED
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import resolution
 from stickslip.orbits.return_map.mode_sequence import at_nodes, dips, reversals
 from stickslip.orbits.return_map.recurrence import segments
 
-_TOUCHED = 1e-9  # part of its size by which a guard may miss zero where it touches it
 _WORTH = 1e-1  # … below which its least value is looked for
 
 
@@ -33,10 +33,10 @@ def touched(trajectory: Trajectory, pieces: Pieces) -> list[tuple[float, str]]:
     for a, b in stretches:
         for dip in dips(trajectory, pieces(k.mode[a], k.region[a]), a, b, p, looks):
             when, least = dip.refined() if dip.value < _WORTH else (0.0, 1.0)
-            if least <= _TOUCHED:
+            if least <= GUARD_TOUCHED:
                 found.append((when, "a guard is touched tangentially"))
     for (_, a), (b, _) in pairwise(stretches):
-        if min(reversals(trajectory, pieces, a, b, p), default=1.0) <= _TOUCHED:
+        if min(reversals(trajectory, pieces, a, b, p), default=1.0) <= GUARD_TOUCHED:
             found.append(
                 (float(k.time[b]), "a contact reverses its slip where it could also stick")
             )

@@ -16,6 +16,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.motion.problem import Problem
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of, clock, moving_frame
 
 _SAME = 1e-9  # part of a shift that is left of it beside others, below which it is made of them
@@ -100,7 +101,7 @@ def translations(equations: MotionEquations, declared: Array) -> Array:
     for shift in found.T:
         rest = shift.copy()
         for row in rows:
-            rest -= (rest @ row) / max(float(row @ row), 1e-300) * row
+            rest -= ratio(rest @ row, float(row @ row)) * row
         if np.max(np.abs(rest)) > _SAME * np.max(np.abs(shift)):
             rows.append(rest)
     return np.array(rows)

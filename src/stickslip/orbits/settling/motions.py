@@ -60,6 +60,7 @@ _ENDLESS = np.iinfo(np.int64).max
 # of a system whose motions are carried on: the proof takes matrices of eight times as many rows
 _MOST_STATES = 32
 _TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
+_LEAST_TOLERANCE = 1e-12  # of attractors: hundreds of times what local errors leave
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 UNSETTLED = (Outcome.NOT_SETTLED, Outcome.IRREGULAR, Outcome.SLOW)
 MEASURED = (*ATTRACTORS, *UNSETTLED)
@@ -95,7 +96,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if not 1e-12 <= self.tolerance <= 1e-2:
+        if not _LEAST_TOLERANCE <= self.tolerance <= 1e-2:
             raise DeclarationError(
                 "tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2"
             )

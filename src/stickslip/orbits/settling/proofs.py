@@ -25,6 +25,7 @@ from stickslip.arrays import AnyArray as Array
 from stickslip.motion.affine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
+from stickslip.numerics.levels import GUARD_MARGIN, ROUNDED_SUM
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.settling.attraction import Attraction
 from stickslip.orbits.settling.engine.tables import (
@@ -55,8 +56,6 @@ _STEADY = Outcome.STEADY.code
 _PERIODIC = Outcome.PERIODIC.code
 _UNDAMPED = Outcome.UNDAMPED.code
 _NOTHING = -1
-_ROUNDING = 1e-13  # of the terms of a sum
-_MARGIN = 1e-12  # … of a guard
 # real parts this small, relative to the largest eigenvalue, neither grow nor die out
 _CENTRE = 1e-12
 _SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
@@ -270,7 +269,7 @@ def affine_fates(
     first = T.c2.shape[1] - n
     r = np.einsum("kis,ks->ki", T.R[slot], s)
     terms = np.einsum("kis,ks->ki", np.abs(T.R[slot]), np.abs(s))
-    r = np.where(np.abs(r) > _ROUNDING * terms, r, 0.0)
+    r = np.where(np.abs(r) > ROUNDED_SUM * terms, r, 0.0)
     largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
     grows = np.any((r != 0.0) & (rate.real > _CENTRE * largest), axis=1)
     stays = (r != 0.0) & (np.abs(rate.real) <= _CENTRE * largest)
@@ -279,7 +278,7 @@ def affine_fates(
     answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
     drift = np.einsum("kgs,ks->kg", T.c1[slot], s)
     noise = np.einsum("kgs,ks->kg", np.abs(T.c1[slot]), np.abs(s))
-    drift = np.where(np.abs(drift) > _ROUNDING * noise, drift, 0.0)
+    drift = np.where(np.abs(drift) > ROUNDED_SUM * noise, drift, 0.0)
     swing = np.einsum("kgi,ki->kg", T.swing[slot][:, :, :n], np.abs(r))
     driven = np.sum(T.swing[slot][:, :, n:], axis=2)
     value = np.einsum("kgs,ks->kg", T.G[slot], s)
@@ -287,7 +286,7 @@ def affine_fates(
     guard = np.arange(value.shape[1])
     real = np.arange(value.shape[1]) < T.counts[slot, GUARDS][:, None]
     reach = (swing + driven)[:, guard]
-    margin = _MARGIN * size
+    margin = GUARD_MARGIN * size
     constant = value - (fading + answer)[:, guard]
     even = drift[:, guard]
     bent = T.c2[slot][:, guard]
@@ -302,13 +301,13 @@ def affine_fates(
         weight = float(shift @ shift)
         moving -= np.outer(moving @ shift / weight, shift) if weight > 0.0 else 0.0
     even = np.all(
-        np.abs(moving) <= _ROUNDING * (noise[:, component] + np.abs(marks.frame[index])), axis=1
+        np.abs(moving) <= ROUNDED_SUM * (noise[:, component] + np.abs(marks.frame[index])), axis=1
     )
     even &= np.all(T.c2[slot][:, component] == 0.0, axis=1)
     size = np.maximum(marks.size[index], np.abs(y))
     swinging = np.einsum("kgi,ki->kg", T.swing[slot][:, component, :n], np.abs(r) * stays)
     undamped = lasts & np.any(swinging > _SEEN * size, axis=1)
-    answers = np.any(driven[:, component] > _ROUNDING * size, axis=1)
+    answers = np.any(driven[:, component] > ROUNDED_SUM * size, axis=1)
     rests = np.all(saved.mode[index] == 0, axis=1) & (saved.mode.shape[1] > 0)
     rests &= np.all(drift[:, component] == 0.0, axis=1)
     outcome = np.where(rests, _AT_REST, _STEADY)

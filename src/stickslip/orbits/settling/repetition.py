@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 from stickslip.equations.derive import MotionEquations
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import MAKES_UP
 from stickslip.orbits.fields.lines_and_phases import Slopes, read_formulas
 from stickslip.symbolic import expressions as ex
 
-_MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
 _WHOLE = 1e-9  # relative distance from a whole number of periods
 
 
@@ -67,7 +67,7 @@ def _advance(slopes: Slopes, velocity: Mapping[str, float]) -> float:
     """How fast a line or phase advances."""
     terms = [ex.number(slope) * velocity[name] for name, slope in slopes.items()]
     total = math.fsum(terms)
-    return total if abs(total) > _MAKES_UP * math.fsum(map(abs, terms)) else 0.0
+    return total if abs(total) > MAKES_UP * math.fsum(map(abs, terms)) else 0.0
 
 
 def repeats(waves: frozenset[float] | None, period: float) -> bool:

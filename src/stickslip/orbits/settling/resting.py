@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
+from stickslip.numerics.levels import FINE_RANK, NO_GROWTH, ROUNDED_SUM, TINIEST
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
 
-_ROUNDING = 1e-13
 _SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
-_DECAY = 1e-9  # a real part must be below minus this part of the largest eigenvalue
 _ROOM = 2.0  # a guard is this many times further away than the motion can bring it
 _CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
 _NEWTON = 20
@@ -129,7 +129,7 @@ class _Neighbourhood:
         # In the coordinates of the eigenvectors every part of a deviation shrinks by itself.
         eigenvalues: AnyArray
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))
-        if np.any(eigenvalues.real >= -_DECAY * np.max(np.abs(eigenvalues), initial=0.0)):
+        if np.any(eigenvalues.real >= -NO_GROWTH * np.max(np.abs(eigenvalues), initial=0.0)):
             return False
         inverse = np.linalg.inv(V)
         parts = np.abs(inverse @ (B.T @ ((self.y - y) / units)))
@@ -146,7 +146,7 @@ class _Neighbourhood:
         slopes = here.slopes[:, :n] * units @ B
         reach = np.abs(slopes @ V) @ parts
         terms = self._terms(here, y)
-        still = reach <= _ROUNDING * terms
+        still = reach <= ROUNDED_SUM * terms
         held = np.where(still, here.value >= -_SAME * terms, here.value > _ROOM * reach)
         return all(held[g] or self._inert(int(g), y) for g in range(len(held)))
 
@@ -161,7 +161,7 @@ class _Neighbourhood:
             y = y - self.units * (self.basis @ step)
             if not np.all(np.isfinite(y)):
                 return None
-            if np.max(np.abs(step), initial=0.0) <= _ROUNDING:
+            if np.max(np.abs(step), initial=0.0) <= ROUNDED_SUM:
                 break
         else:
             return None
@@ -173,7 +173,7 @@ class _Neighbourhood:
         )
         terms = np.sum(J, axis=1) / self.units
         return (
-            y if np.all(np.abs(rates) <= _SAME * (terms + np.max(terms, initial=1e-300))) else None
+            y if np.all(np.abs(rates) <= _SAME * (terms + np.max(terms, initial=TINIEST))) else None
         )
 
     def _jacobian(self, piece: Piece, y: Array) -> Array:
@@ -204,6 +204,6 @@ def _null(rows: Array) -> Array:
     """Orthonormal basis of what a matrix maps to 0."""
     if not rows.size:
         return np.eye(rows.shape[1])
-    rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
+    rows = ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True))
     _, s, v = np.linalg.svd(rows)
-    return v[int(np.sum(s > 1e-10 * s[0])) :].T if s[0] > 0.0 else np.eye(rows.shape[1])
+    return v[int(np.sum(s > FINE_RANK * s[0])) :].T if s[0] > 0.0 else np.eye(rows.shape[1])

@@ -19,6 +19,8 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
+from stickslip.numerics.levels import COMPUTED_ZERO
+from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import NOT_CLOSED
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
@@ -56,7 +58,7 @@ _STRONGEST = 20.0  # growth rate of the guess, in a period
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
-_UNMOVED = 1e-12  # a smaller part of the sum of the terms is rounding error
+_SINGULAR = 1e-13  # singular value, of the largest, of equations that are scaled: rounding
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
 
 
@@ -120,7 +122,7 @@ class Amplitudes:
         size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
         size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
         share = np.hypot(by_place, by_rate)
-        if not share > _UNMOVED * size:
+        if not share > COMPUTED_ZERO * size:
             raise DeclarationError(
                 "of",
                 f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "
@@ -172,7 +174,7 @@ class Amplitudes:
             twice = np.einsum("ti,ij,tj->t", rates, self.mode.mass, rates)
             spent = motion.audit.dissipated
             lost = float(spent[-1] - np.interp(0.5 * period, motion.knots.time, spent))
-            excitation = lost / (period * float(np.mean(twice)) + 1e-300)
+            excitation = ratio(lost, period * float(np.mean(twice)))
             if not excitation * period <= _STRONGEST:
                 raise ConvergenceError(
                     f"a backbone of {self.system.name}",
@@ -217,7 +219,7 @@ class Amplitudes:
             right = np.append(-orbit.F, 1.0 - now / amplitude)
             if not np.all(np.isfinite(matrix)):
                 break
-            step = np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+            step = np.linalg.lstsq(matrix, right, rcond=_SINGULAR)[0]
             better = self._shortened(shooting, orbit, units * step, amplitude, miss)
             if better is None:
                 break
@@ -276,7 +278,7 @@ class Amplitudes:
         """The first of the shortened steps that misses less; None if there is none."""
         # What moves little may be far off in units of its size; period and excitation may not.
         sizes = np.abs(step / _units(shooting, orbit))[[shooting.time, -1]]
-        part = min(1.0, 0.3 / (sizes[0] + 1e-300), 1.0 / (sizes[1] + 1e-300))
+        part = min(1.0, ratio(0.3, sizes[0]), ratio(1.0, sizes[1]))
         for _ in range(_HALVINGS):
             with suppress(StickslipError):
                 trial = self._tried(shooting, orbit.x + part * step)

@@ -34,6 +34,7 @@ from stickslip.model.quantities import (
     quantity_or_formula,
 )
 from stickslip.model.system import System
+from stickslip.numerics.levels import HARMONICS_KNOWN
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.over_period import harmonics_of
 from stickslip.orbits.equilibria.finding import checked_values
@@ -56,7 +57,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SAMPLES = 64  # of a period, and around the highest of them
-_HARMONICS_KNOWN = 1e-9  # relative to the largest value
 _AGREES = 1e-8  # to which the amplitude is that which is wanted
 
 
@@ -422,7 +422,7 @@ def _result(
     own = Residual("amplitudes", missed, _AGREES, note="relative to those that were wanted")
     known = max(error for _, error in harmonics)
     note = "change by the last halving of the panels"
-    waves = Residual("first harmonics", known, _HARMONICS_KNOWN, note=note)
+    waves = Residual("first harmonics", known, HARMONICS_KNOWN, note=note)
     certificate = Certificate(
         (*certificate.residuals, own, waves),
         certificate.outcome,

@@ -34,6 +34,7 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.system import System
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -41,7 +42,6 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-_ROUNDING = 1e-14  # a slope, relative to the values of a curve, that counts as 0
 _AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
 _REMEDY = (
     "The system needs two rate-independent coordinates that are coupled only by their distance "
@@ -109,7 +109,7 @@ def extreme_of(one: PiecewiseAffine, other: PiecewiseAffine, sign: int = 1) -> P
     nodes = np.union1d(one.nodes, other.nodes)
     gap = PiecewiseAffine.through(lambda x: one(x) - other(x), nodes)
     # Where the curves are parallel, rounding errors are no slope.
-    least = _ROUNDING * max(np.max(np.abs(curve.values)) for curve in (one, other))
+    least = FEW_ROUNDINGS * max(np.max(np.abs(curve.values)) for curve in (one, other))
     left, right = (slope if abs(slope) > least else 0.0 for slope in gap.slopes)
     gap = replace(gap, slopes=(left, right))
     return PiecewiseAffine.through(

@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.motion.trajectory import Trajectory
+from stickslip.numerics.levels import ROUNDED_SUM, TINIEST
 from stickslip.orbits.studies.swinging import ValuesAndRates
 
 _PIECES = 8  # of a step, at first
@@ -23,7 +24,6 @@ _BETWEEN = 0.3819660112501051  # where a cubic is compared; no whole part, so th
 _MISSES = 0.02  # a cubic that misses by less, relative to the velocity, is followed
 _NEAR = 0.1  # a velocity that comes this near to zero, relative to its size, is looked at
 _ZERO = 1e-11  # velocities below this part of the largest one are zero
-_ROUNDING = 1e-13
 _ROOT = 4.0 * np.finfo(float).eps  # relative
 
 
@@ -201,8 +201,8 @@ def _judged(
     scale = np.max(np.abs([v0, v, v1, mean]), axis=0)
     missed = (np.abs(rate - v) > _MISSES * scale) | (np.abs(place - x) > _MISSES * h * scale)
     largest_time, largest_x, largest_v = size
-    counts = (scale > _ZERO * largest_v) & (h * scale > _ROUNDING * largest_x)
-    rough = missed & counts & (h > _ROUNDING * max(largest_time, 1e-300))
+    counts = (scale > _ZERO * largest_v) & (h * scale > ROUNDED_SUM * largest_x)
+    rough = missed & counts & (h > ROUNDED_SUM * max(largest_time, TINIEST))
     with np.errstate(divide="ignore", invalid="ignore"):
         where = np.where(bend != 0.0, -slope / (2.0 * bend), -1.0)
     inside = (where > 0.0) & (where < 1.0) & (v0 * v1 > 0.0)

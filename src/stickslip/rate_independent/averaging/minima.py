@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import LAST_DIGITS, ROUNDED_TERM
 from stickslip.rate_independent.sets.thresholds import nonnegative
 from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 
@@ -60,7 +61,7 @@ def least_over_phases(signal: Signal) -> Minima:
         best, at = values.copy(), phases.copy()
         best[index], at[index] = refined, found
         # A sample that is the minimum, such as s = 0 or 1/2, is kept as it is.
-        better = best < values - 4e-16 * np.abs(values)
+        better = best < values - ROUNDED_TERM * np.abs(values)
         values, phases = np.where(better, best, values), np.where(better, at, phases)
     return Minima(values, wrapped(phases), values, PHASE_SAMPLES)
 
@@ -154,7 +155,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
         # Every other time, or where a parabola says nothing new: the wider half.
         wide = np.where(b - a > c - b, b - (1.0 - _GOLDEN) * (b - a), b + (1.0 - _GOLDEN) * (c - b))
         new = np.where(
-            (new > a) & (new < c) & (np.abs(new - b) > 1e-15) & (step % 2 == 0), new, wide
+            (new > a) & (new < c) & (np.abs(new - b) > LAST_DIGITS) & (step % 2 == 0), new, wide
         )
         value = f(new)
         better = value > fb

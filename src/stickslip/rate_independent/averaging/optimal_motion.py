@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.rate_independent.sets.potential import Dissipation, OptimalMotion
 
 _MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
@@ -30,7 +31,7 @@ def measure_with_sum(
     violation : float
         How far it may lie outside K(s), at most.
     """
-    moving = np.abs(motions).max(axis=1) > 1e-14 * np.abs(V).max(initial=0.0)
+    moving = np.abs(motions).max(axis=1) > FEW_ROUNDINGS * np.abs(V).max(initial=0.0)
     together, sums = gathered(phases[moving], motions[moving])
     if len(sums):
         # Rounding of the program that found them.

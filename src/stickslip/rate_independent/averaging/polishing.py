@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FINE_RANK
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.stretches import AtPhases
 from stickslip.rate_independent.signals.signal import wrapped
@@ -131,7 +132,7 @@ def refined(
         step = np.linalg.lstsq(
             _jacobian(curvature, (touch[:, 1:] - touch[:, :1]) / steps[:, :, None]),
             rest,
-            rcond=1e-10,
+            rcond=FINE_RANK,
         )[0]
         to_x = step[:n]
         to_contacts = step[n:].reshape(k, n + 1)

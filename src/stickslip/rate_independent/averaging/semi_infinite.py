@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
@@ -42,13 +43,14 @@ _FORGETFUL = 6  # rounds in which constraints may go
 _CLUSTER = 0.02  # phases closer than this may be one
 _SAME = 1e-6  # phases closer than this are one
 _NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
-_ROUNDING = 1e-15  # of a distance, as a multiple of the size of K; of a motion, of its length
 _SHARPEST = 1e-13  # duality gap that rounding allows
 _MOST_PEAKS = 16  # phases that join in one round
 _SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
 _MEMORY = 256  # solutions that are remembered
 _LOOKS = 192  # forces whose distances from K(s) are remembered
 _AT_ONCE = 64  # forces that are looked at together
+_FALLEN = 1e-9  # of its value, by which a bound has to fall for phases to be forgotten
+_MOVING = 1e-10  # of the norm of a measure, below which a phase has no motion
 Constraint = tuple[float, ConeForm]
 
 
@@ -140,10 +142,10 @@ class Intersection(Average):
         """
         xi = self.vector(xi, "xi")
         M = self.metric(metric)
-        if not self._beyond(xi, _ROUNDING * self.size):
+        if not self._beyond(xi, LAST_DIGITS * self.size):
             looked = self._look(xi)
             if (
-                looked.excess.max() <= _ROUNDING * self.size
+                looked.excess.max() <= LAST_DIGITS * self.size
                 and looked.bound <= self.tolerance * self.size
             ):
                 return xi.copy()
@@ -220,7 +222,7 @@ class Intersection(Average):
         """What is known of a force from one that is the same up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
         k = int(away.argmin())
-        if away[k] > _ROUNDING * self.size:
+        if away[k] > LAST_DIGITS * self.size:
             return None
         looked = self._looked[k - _LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
@@ -267,7 +269,7 @@ class Intersection(Average):
             # Constraints that do not hold ξ may go only where the value has fallen, and not for
             # ever.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
-            fallen = k < _FORGETFUL and now < value - 1e-9 * abs(now)
+            fallen = k < _FORGETFUL and now < value - _FALLEN * abs(now)
             value = min(now, value)
             constraints = self._exchanged([] if fallen else constraints, held, closer)
             held = self._judged(self._solved(constraints, c, Q))
@@ -375,7 +377,7 @@ class Intersection(Average):
         looked = self._look(held.xi, held.phases)
         sets = self.source.sampled(held.phases)
         violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
-        phases = self._peaks(looked, held.xi) if violation > _ROUNDING * self.size else ()
+        phases = self._peaks(looked, held.xi) if violation > LAST_DIGITS * self.size else ()
         return replace(
             held,
             sets=sets,
@@ -389,9 +391,11 @@ class Intersection(Average):
         phases, first = np.unique(wrapped(looked.phases), return_index=True)
         excess = looked.excess[first]
         if len(phases) < 3:
-            return phases[excess > _ROUNDING * self.size].tolist()
+            return phases[excess > LAST_DIGITS * self.size].tolist()
         before, after = np.roll(excess, 1), np.roll(excess, -1)
-        (k,) = np.nonzero((excess >= before) & (excess >= after) & (excess > _ROUNDING * self.size))
+        (k,) = np.nonzero(
+            (excess >= before) & (excess >= after) & (excess > LAST_DIGITS * self.size)
+        )
         if not len(k):
             return []
         k = k[np.argsort(-excess[k])][:_MOST_PEAKS]
@@ -406,7 +410,7 @@ class Intersection(Average):
     def _tidied(self, phases: Array, motions: Array) -> tuple[Array, Array]:
         """The same measure, with neighbouring phases joined to the best one between them where that
         costs no more."""
-        moving = np.linalg.norm(motions, axis=1) > 1e-10 * np.linalg.norm(motions)
+        moving = np.linalg.norm(motions, axis=1) > _MOVING * np.linalg.norm(motions)
         order = np.argsort(phases[moving])
         phases, motions = phases[moving][order], motions[moving][order]
         # Cut the circle at its widest gap.
@@ -430,7 +434,11 @@ class Intersection(Average):
             lambda s: self.source.sampled(s).support(v), phases[0] - reach, phases[-1] + reach
         )
         k = int(costs.argmin())
-        return (found[k : k + 1], v[None]) if costs[k] <= apart * (1 + 1e-14) else (phases, motions)
+        return (
+            (found[k : k + 1], v[None])
+            if costs[k] <= apart * (1 + FEW_ROUNDINGS)
+            else (phases, motions)
+        )
 
 
 def _worst(looked: Looked) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDED_TERM, SYMMETRIC
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
@@ -26,8 +27,6 @@ from stickslip.rate_independent.sets.stretches import (
 )
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, Signal, wrapped
-
-_ROUNDING = 4e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,15 +90,15 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
-        if (lopsided > 1e-10 * size).any():
-            k = int((lopsided - 1e-10 * size).argmax())
+        if (lopsided > SYMMETRIC * size).any():
+            k = int((lopsided - SYMMETRIC * size).argmax())
             reason = (
                 f"it is not symmetric{self._when(phases[k])} (S - S^T reaches {lopsided[k]:.3g})"
             )
             raise DeclarationError("shape", reason, "Give a symmetric matrix")
         axes, squares, floor = _axes(S)
-        if (squares[:, 0] < -1e-12 * size).any():
-            k = int((squares[:, 0] + 1e-12 * size).argmin())
+        if (squares[:, 0] < -COMPUTED_ZERO * size).any():
+            k = int((squares[:, 0] + COMPUTED_ZERO * size).argmin())
             reason = f"it has the negative eigenvalue {squares[k, 0]:.6g}{self._when(phases[k])}"
             raise DeclarationError("shape", reason, "Give a positive semidefinite matrix")
         return axes, squares, floor
@@ -189,7 +188,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 def _axes(S: Array) -> tuple[Array, Array, Array]:
     """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
     squares, axes = np.linalg.eigh(S / 2 + S.transpose(0, 2, 1) / 2)  # a sum of two may overflow
-    return axes, squares, _ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
+    return axes, squares, ROUNDED_TERM * S.shape[1] * np.abs(S).max(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.convex.formula import ConvexFormula, convex_formula
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import SAME_VALUE
 from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
 from stickslip.rate_independent.dissipation.recognised import recognised
 from stickslip.rate_independent.sets.cones import ConeForm
@@ -124,7 +125,7 @@ class SupportFormula(Dissipation, kind="formula"):
     def _check_period(self) -> None:
         v = np.random.default_rng(0).normal(size=(self.dimension, 16))
         start, end = (self.convex.values(np.vstack([v, np.full(16, s)]))[0] for s in (0.0, 1.0))
-        off = np.abs(end - start) - 1e-9 * np.maximum(np.abs(start), np.abs(end))
+        off = np.abs(end - start) - SAME_VALUE * np.maximum(np.abs(start), np.abs(end))
         if (off > 0.0).any():
             raise DeclarationError(
                 "formula",

@@ -15,6 +15,7 @@ from stickslip.convex.directions import Directions
 from stickslip.convex.formula import ConvexFormula
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.newton import Normal, NormalSearch
 from stickslip.rate_independent.sets.potential import Dissipation
@@ -32,7 +33,6 @@ from stickslip.symbolic.boxes import slopes
 _PHASE = OF_PHASE.name
 _BOXES = 256  # of directions, in which deviations between phases are bounded
 _TILTS = (1e-60, 1e-15, 1e-12, 1e-9)  # of a direction in which the formula has no derivative
-_ROUNDING = 1e-13
 _COARSE = 1e-6  # accuracy of a distance from which what is normal to K(s) is improved
 _MOST_CUTS = 20
 _MOST_BOXES = 4000  # in which the radius of a ball is proved
@@ -204,7 +204,7 @@ class FormulaSets(Dissipation):
             away = xi - y
             if not away.any():
                 return xi.copy(), None
-            if float(np.abs(away).max()) <= _ROUNDING * float(np.abs(xi).max()):
+            if float(np.abs(away).max()) <= ROUNDED_SUM * float(np.abs(xi).max()):
                 break
             found = self._search.found(xi, W, others, away if M is None else M @ away)
             if found is not None:
@@ -241,7 +241,7 @@ class FormulaSets(Dissipation):
         gauge = float(xi @ edge) / float(edge @ edge)
         inside = min(gauge, 1.0) * edge
         away = float(np.linalg.norm(xi - inside))
-        return Nearby(inside, gauge, ray.v) if away <= _ROUNDING * np.linalg.norm(xi) else None
+        return Nearby(inside, gauge, ray.v) if away <= ROUNDED_SUM * np.linalg.norm(xi) else None
 
     def depth(self, xi: Array, near: Nearby, s: float) -> float:
         """How far ξ lies outside K(s); inside, minus how far at least it lies inside.
@@ -256,7 +256,7 @@ class FormulaSets(Dissipation):
         if length <= 0.5 * self.inradius:
             return length - self.inradius
         outside = float(np.linalg.norm(xi - near.y))
-        if outside > _ROUNDING * length:
+        if outside > ROUNDED_SUM * length:
             return outside
         # A ball fits around 0, so that one of 1 − gauge times that fits around ξ.
         gauge = self.gauge(xi, s) if np.isnan(near.gauge) else near.gauge

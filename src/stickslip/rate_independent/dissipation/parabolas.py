@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.rate_independent.signals.signal import Signal
 
 CELLS = 4096  # stretches of equal length on which S″ is enclosed
 # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
 _SHIFTS = (1, 1, 2, 4, 8, 16)
-_ROUNDING = 4e-16
 _NEWTON = 4  # steps to a vertex
 _FARTHEST = 2.0**-8  # the longest one
 
@@ -106,7 +106,7 @@ class Parabolas:
                 *(first[:, 0, 0] * t + bend * t**2 for t in (high - phases, low - phases))
             )
         fall = np.where(bend > 0.0, vertex, np.minimum(ends, 0.0))
-        rounding = _ROUNDING * len(xi) * (np.abs(S).max(axis=(1, 2)) + float(xi @ xi))
+        rounding = ROUNDED_TERM * len(xi) * (np.abs(S).max(axis=(1, 2)) + float(xi @ xi))
         below = np.maximum(-(values[:, 0] + fall), 0.0) + rounding
         known = np.isfinite(radius) & (others > size) & np.isfinite(fall)
         return low, high, np.where(known, below, np.inf), np.linalg.eigvalsh(S)[:, 0] - size

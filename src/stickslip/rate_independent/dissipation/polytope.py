@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import (
     VANISHING_THRESHOLD,
@@ -49,6 +50,10 @@ from stickslip.rate_independent.signals.signal import (
     wrapped,
 )
 from stickslip.results import listed
+
+_NARROW = 1e-6  # ratio of distances of half-spaces below which 0 is too near to one for Qhull
+_UNBOUNDED = 1e-10  # what is left of the sum of unit normals of a bounded polytope
+_PERIODIC = 1e-8  # of its value: change over a period of a support, which vertices give
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +246,7 @@ class Polytope(Dissipation, kind="polytope"):
         from scipy.spatial import HalfspaceIntersection
 
         normals, offsets = self.halfspaces_at(s)
-        if offsets.min() <= 1e-6 * offsets.max():
+        if offsets.min() <= _NARROW * offsets.max():
             return None
         vertices = HalfspaceIntersection(
             np.column_stack([normals, -offsets]), np.zeros(self.dimension)
@@ -255,7 +260,7 @@ class Polytope(Dissipation, kind="polytope"):
         when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
         if self.corners is not None:
             far = float(np.linalg.norm(self.project(np.zeros(self.dimension), s)))
-            if far > 1e-12 * np.abs(self.corners.at(s)).max():
+            if far > COMPUTED_ZERO * np.abs(self.corners.at(s)).max():
                 raise DeclarationError(
                     "vertices",
                     f"their convex hull does not contain 0{when} (distance {far:.6g})",
@@ -267,7 +272,7 @@ class Polytope(Dissipation, kind="polytope"):
         normals, _ = self.halfspaces_at(s)
         # Bounded if the normals, each with a positive factor, add up to 0.
         left = nnls(normals.T, -normals.sum(axis=0), maxiter=30 * len(normals) + 100)[1]
-        if left > 1e-10 or np.linalg.matrix_rank(normals) < self.dimension:
+        if left > _UNBOUNDED or np.linalg.matrix_rank(normals) < self.dimension:
             raise DeclarationError(
                 "normals", f"the half-spaces do not bound every direction{when}", "Add a half-space"
             )
@@ -281,7 +286,7 @@ class Polytope(Dissipation, kind="polytope"):
         ]
         after = Polytope(*later)
         for d in np.random.default_rng(0).normal(size=(3, self.dimension)):
-            if abs(after.support(d) - self.support(d)) > 1e-8 * self.support(d):
+            if abs(after.support(d) - self.support(d)) > _PERIODIC * self.support(d):
                 raise not_periodic("vertices" if self.faces is None else "normals", 0.0)
 
     def _given(self, part: Signal | None) -> Signal:

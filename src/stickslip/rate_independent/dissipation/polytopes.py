@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 _PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
 _FLAT = 1e-12  # width of a hull that has no inside, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
-_ROUNDING = 1e-14  # of a distance, relative to the size of the numbers it comes from
 
 
 def facets(points: Array) -> tuple[Array, Array] | None:
@@ -152,7 +152,7 @@ class SampledHulls(RowWise, AtPhases):
         for k in np.flatnonzero(~self.known):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
         # What lies outside of facets by more than rounding is farther away behind a sharp corner.
-        for k in np.flatnonzero(excess > _ROUNDING * np.abs(rows).max(axis=1)):
+        for k in np.flatnonzero(excess > FEW_ROUNDINGS * np.abs(rows).max(axis=1)):
             excess[k] = max(
                 excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))
             )
@@ -205,7 +205,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     offsets = np.repeat(points, k, axis=1)
     size = np.abs(points).max(axis=(1, 2))
     offsets = np.einsum("mfn,mfn->mf", normals, offsets)
-    facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + 1e-15 * size[:, None])
+    facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + LAST_DIGITS * size[:, None])
     width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
     known = facet.any(axis=1) & (width > _FLAT * size)
     order = np.argsort(~facet, axis=1, kind="stable")[:, : max(int(facet.sum(axis=1).max()), 1)]

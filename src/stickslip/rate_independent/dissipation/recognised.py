@@ -10,6 +10,7 @@ from stickslip.convex.directions import Directions
 from stickslip.convex.formula import convex_formula
 from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules, is_nonnegative_form
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.rate_independent.dissipation.ellipsoid import Ellipsoid
 from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
 from stickslip.rate_independent.dissipation.polytope import Polytope
@@ -93,7 +94,7 @@ def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Ellipsoi
     if not ranges:
         squares = np.linalg.eigvalsh([[ex.number(entry) for entry in row] for row in shape])
         small = np.abs(squares) < _FLATTEST * squares[-1]
-        if (np.abs(squares[small]) > 4e-16 * len(names) * squares[-1]).any():
+        if (np.abs(squares[small]) > ROUNDED_TERM * len(names) * squares[-1]).any():
             return None
     return Ellipsoid(shape)
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import SAME_VALUE
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
@@ -18,6 +19,11 @@ from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
 _STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
 _TILT = 1e-5
+_BY_DIFFERENCES = 1e-6  # accuracy of a nearest point from differences of the support function …
+_BY_SUBGRADIENTS = 1e-9  # … and from its subgradients
+_ROUGH = 1e-4  # accuracy of a nearest point that only starts a search
+_ENOUGH = 1e-11  # change between steps of differences after which none is better …
+_ENOUGH_ASIDE = 1e-9  # … and beside a kink
 
 
 class SupportFunction(Dissipation):
@@ -73,7 +79,7 @@ class SupportFunction(Dissipation):
         for s, v, w in zip(SAMPLE_PHASES, directions, directions[1:], strict=False):
             self._check(s, v, w)
         start = self._psi(0.0, directions[0])
-        if depends_on_phase and abs(start - self._psi(1.0, directions[0])) > 1e-9 * start:
+        if depends_on_phase and abs(start - self._psi(1.0, directions[0])) > SAME_VALUE * start:
             raise DeclarationError(
                 "function",
                 "it differs between the phases s = 0 and s = 1",
@@ -105,14 +111,14 @@ class SupportFunction(Dissipation):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point of the convex hull of subgradients, taken where they are needed."""
-        sure = 1e-6 if self.subgradient is None else 1e-9
+        sure = _BY_DIFFERENCES if self.subgradient is None else _BY_SUBGRADIENTS
         return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric), sure=sure)
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
         # Points of K(s) serve all projections. They are for a search, which four digits do not
         # mislead.
         known: list[Array] = []
-        return lambda x: nearest_by_support(self, x, s, None, known, accuracy=1e-4)
+        return lambda x: nearest_by_support(self, x, s, None, known, accuracy=_ROUGH)
 
     def average(self, tolerance: float = 1e-8) -> Intersection:
         return Intersection(self, tolerance)
@@ -139,13 +145,13 @@ class SupportFunction(Dissipation):
         one = self._psi(s, v)
         other = self._psi(s, w)
         both = self._psi(s, v + w)
-        if abs(self._psi(s, 2 * v) - 2 * one) > 1e-9 * one:
+        if abs(self._psi(s, 2 * v) - 2 * one) > SAME_VALUE * one:
             raise DeclarationError(
                 "function",
                 f"it is not 1-homogeneous at phase s = {s:g}: Psi(2v) is not 2 Psi(v) for v = {v}",
                 "Correct it",
             )
-        if both > (one + other) * (1 + 1e-9):
+        if both > (one + other) * (1 + SAME_VALUE):
             raise DeclarationError(
                 "function",
                 f"it is not convex at phase s = {s:g}: "
@@ -166,8 +172,8 @@ class SupportFunction(Dissipation):
         best = v * psi
         least = np.inf
         for w, steps, enough in [
-            (v, _STEPS, 1e-11),
-            *((v + tilt, _STEPS[-2:], 1e-9) for tilt in tilts),
+            (v, _STEPS, _ENOUGH),
+            *((v + tilt, _STEPS[-2:], _ENOUGH_ASIDE) for tilt in tilts),
         ]:
             last = np.full(self.dimension, np.inf)
             for h in steps:

@@ -30,6 +30,7 @@ _LOADING = 5.0  # seconds beside which loading machine code does not count
 _INTERRUPTED = "interrupted"
 _SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
 _GRID = 1024  # intervals of the span on which the modulus of continuity is measured
+_LEAST_TIME = 1e-9  # seconds: no clock shows less
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,7 +88,8 @@ class AveragingStudy(Result):
         """How many times more steps, and wall time, the resolved motion took than the averaged one,
         for each ε."""
         return {
-            name: self.dataset[name].values / max(float(self.dataset[f"averaged_{name}"]), 1e-9)
+            name: self.dataset[name].values
+            / max(float(self.dataset[f"averaged_{name}"]), _LEAST_TIME)
             for name in ("steps", "wall_time")
         }
 

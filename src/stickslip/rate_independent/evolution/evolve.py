@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import SAME_VALUE, WHOLE_COUNT
 from stickslip.progress import told
 from stickslip.rate_independent.evolution.audit import (
     STEP_COLUMNS,
@@ -192,7 +193,7 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
 
 def _filled(stops: Array, longest: float) -> Array:
     """Times with all stops among them, evenly spaced in between, no step longer than given."""
-    counts = np.ceil(np.diff(stops) / longest * (1.0 - 1e-12)).astype(int)
+    counts = np.ceil(np.diff(stops) / longest * (1.0 - WHOLE_COUNT)).astype(int)
     parts = [
         np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(stops[:-1], stops[1:], counts, strict=True)
     ]
@@ -226,7 +227,7 @@ def output_times(output: Any, nodes: Array) -> Array | None:
     near = nodes[np.clip(np.searchsorted(nodes, wanted), 0, len(nodes) - 1)]
     left = nodes[np.clip(np.searchsorted(nodes, wanted) - 1, 0, len(nodes) - 1)]
     near = np.where(np.abs(left - wanted) < np.abs(near - wanted), left, near)
-    return np.where(np.abs(near - wanted) <= 1e-12 * (nodes[-1] - nodes[0]), near, wanted)
+    return np.where(np.abs(near - wanted) <= WHOLE_COUNT * (nodes[-1] - nodes[0]), near, wanted)
 
 
 def merged(nodes: Array, wanted: Array | None) -> Array:
@@ -263,7 +264,10 @@ def _begin(
     t = float(old["step_time"][-1])
     z = old["final_state"].values
     if not math.isclose(
-        problem.energy(t, z), energy[-1], rel_tol=1e-9, abs_tol=1e-9 * float(np.abs(energy).max())
+        problem.energy(t, z),
+        energy[-1],
+        rel_tol=SAME_VALUE,
+        abs_tol=SAME_VALUE * float(np.abs(energy).max()),
     ):
         raise DeclarationError(
             "start",

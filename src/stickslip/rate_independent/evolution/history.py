@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ENERGY_SCALE
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.results import Result, listed
 
@@ -100,7 +101,7 @@ class History(Result):
             np.ptp(energy), dissipated[-1], np.abs(work).max(), self.dataset.attrs["least_energy"]
         )
         # Where next to nothing flows, the energy itself is known to rounding only.
-        return float(max(scale, 1e-6 * np.abs(energy).max()))
+        return float(max(scale, ENERGY_SCALE * np.abs(energy).max()))
 
     @cached_property
     def certificate(self) -> Certificate:

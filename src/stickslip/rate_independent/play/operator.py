@@ -25,8 +25,8 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
+from stickslip.numerics.levels import CERTIFIED, ENERGY_SCALE, ROUNDING
 from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
-from stickslip.rate_independent.signals.chebyshev import FIT_ROUNDING
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.rate_independent.signals.sums import WeightedSignals
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
 _CHUNK = 2**12  # intervals at once: what fits into the cache
-_TOLERANCE = 1e-9  # of the certificate
 # between floating-point numbers: rounding of a time, and of what is computed from it
 _SPACINGS = 4.0
 # distance from the stable interval, relative to where it is, that counts as rounding
@@ -467,8 +466,8 @@ class Play(Result):
         excess, blur, force = self._violations()
         # The force is a difference of the load and a z, known to the rounding of these.
         largest = float(np.max(np.abs([before, after])))
-        excess = max(excess - FIT_ROUNDING * largest, 0.0)
-        force = max(force, 1e-6 * largest)
+        excess = max(excess - ROUNDING * largest, 0.0)
+        force = max(force, ENERGY_SCALE * largest)
         return PlayAudit(
             self._energy(np.append(after, before[-1]), self.z),
             np.concatenate([[0.0], np.cumsum(dissipated)]),
@@ -513,15 +512,15 @@ class Play(Result):
         yielding = float(
             max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus"))
         )
-        length = 1e-6 * yielding / self.bounds.stiffness
-        scale = max(scale, 1e-6 * float(np.max(np.abs(audit.energy))), length * yielding)
+        length = ENERGY_SCALE * yielding / self.bounds.stiffness
+        scale = max(scale, ENERGY_SCALE * float(np.max(np.abs(audit.energy))), length * yielding)
         size = max(float(np.max(np.abs(self.z))), length)
-        gap = max(audit.gap - FIT_ROUNDING * yielding / self.bounds.stiffness, 0.0)
+        gap = max(audit.gap - ROUNDING * yielding / self.bounds.stiffness, 0.0)
         measured = np.array([float(np.max(np.abs(balance))), audit.excess, gap])
         sizes = np.array([scale, audit.force, size])
         relative = np.divide(1.0, sizes, out=np.zeros(3), where=sizes > 0.0)
         energy, stability, defect = (measured * relative).tolist()
-        tolerance = max(_TOLERANCE, float((np.array(audit.blur) * relative).max()))
+        tolerance = max(CERTIFIED, float((np.array(audit.blur) * relative).max()))
         samples = max(signal.samples for signal in self.bounds.signals)
         measured_of = [("energy balance", energy), ("friction law", stability), ("rates", defect)]
         looked = (

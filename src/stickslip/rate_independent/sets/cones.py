@@ -12,7 +12,9 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, need
+from stickslip.numerics.levels import FEASIBLE
 
+_TIGHTEST = 1e-13  # of an interior-point method: as far as rounding lets it go
 _NONNEGATIVE = "nonnegative"
 _SECOND_ORDER = "second order"
 
@@ -167,7 +169,7 @@ def solve_cones(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> 
 def _simplex(c: Array, ties: Array, rows: Array, offsets: Array) -> tuple[Array, Array, Array]:
     from scipy.optimize import linprog
 
-    tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    tight = {"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE}
     result = linprog(
         -c,
         A_ub=rows,
@@ -195,7 +197,7 @@ def _interior_point(
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     # As far as rounding lets it go: who calls judges what comes back.
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TIGHTEST
     solver = clarabel.DefaultSolver(
         csc_matrix(triu(Q)),
         -c,

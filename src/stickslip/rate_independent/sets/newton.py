@@ -21,6 +21,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.convex.formula import ConvexFormula, Kink
 from stickslip.kept import made_once
+from stickslip.numerics.levels import EXACT_RANK, LOWERED
+from stickslip.numerics.ratios import ratio
 from stickslip.rate_independent.sets.projections import nearest_in_hull
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator_of_numbers
@@ -36,9 +38,9 @@ _NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the s
 _BESIDE = (1e-8, 1e-11, 1e-14)  # of |v|: how far from a kink gradients beside it are taken
 _SURE = 1e-10  # of a point: how close a mean of gradients has to be, to stand for it
 _MOST_ON_FACE = 60
-_SINGULAR = 1e-12  # part of the largest eigenvalue
 _ON_KINK = 1e-9  # of |v|: a start that lies on a kink
 _PROBES = 8  # random directions in which a point is compared with the support function
+_NO_PROBE = 1e-9  # length of a unit vector with a way added that is left without a direction
 _REACHES = (1.0, 1e-1, 1e-2, 1e-3)
 
 
@@ -159,7 +161,7 @@ class NormalSearch:
                 step = (
                     np.linalg.solve(here.hessian, -rest)
                     if W is not None
-                    else -np.linalg.pinv(here.hessian, rcond=_SINGULAR, hermitian=True) @ rest
+                    else -np.linalg.pinv(here.hessian, rcond=EXACT_RANK, hermitian=True) @ rest
                 )
             except np.linalg.LinAlgError:
                 return None, v
@@ -172,7 +174,7 @@ class NormalSearch:
                     then = self.at(w, others)
                     there = then.outer(w, W)
                     left = float(np.abs(there.gradient - xi).max())
-                    fallen = there.value - float(xi @ w) <= level + 1e-4 * share * slope
+                    fallen = there.value - float(xi @ w) <= level + LOWERED * share * slope
                     if fallen or left <= 0.5 * off:
                         break
                 share *= 0.5
@@ -264,12 +266,14 @@ class NormalSearch:
             matrix = np.block([[here.hessian + bent, slopes.T], [slopes, corner]])
             off = np.concatenate([rest + slopes.T @ held, size * zeros])
             try:
-                inverse = np.linalg.pinv(matrix, rcond=1e-12)
+                inverse = np.linalg.pinv(matrix, rcond=EXACT_RANK)
             except np.linalg.LinAlgError:
                 return None
             step = -inverse @ off
             missing = float(np.abs(off[:n]).max())
-            away = float(np.abs(zeros).max(initial=0.0)) / float(np.abs(slopes).max(initial=1e-300))
+            away = ratio(
+                float(np.abs(zeros).max(initial=0.0)), float(np.abs(slopes).max(initial=0.0))
+            )
             settled = float(np.abs(step[:n]).max()) <= _EPS * size
             if max(missing / scale, away) <= (64.0 if settled else 0.25) * _EXACT:
                 y = xi - W @ v if W is not None else xi / self.at(v, others).value
@@ -291,7 +295,7 @@ class NormalSearch:
         unit = found.v / np.abs(found.v).max()
         slopes = self._zeros(found.kinks, unit, others)[1]
         sizes, ways = np.linalg.svd(slopes, full_matrices=False)[1:]
-        ways = ways[sizes > 1e-12 * sizes.max(initial=0.0)]
+        ways = ways[sizes > EXACT_RANK * sizes.max(initial=0.0)]
         best, least = found.y, _SURE * float(np.abs(found.y).max())
         for reach in _BESIDE:
             near = self._on_face(found, unit, ways, reach, others)
@@ -345,7 +349,7 @@ class NormalSearch:
         ways = np.vstack([ways, -ways])
         probes = np.vstack([unit, *(unit + reach * ways for reach in _REACHES)])
         lengths = np.linalg.norm(probes, axis=1)
-        probes = (probes[lengths > 1e-9] / lengths[lengths > 1e-9, None]).T
+        probes = (probes[lengths > _NO_PROBE] / lengths[lengths > _NO_PROBE, None]).T
         rows = np.broadcast_to(others[:, None], (len(others), probes.shape[1]))
         values = self.formula.values(np.concatenate([probes, rows]))[0]
         return float((y @ probes - values).max())

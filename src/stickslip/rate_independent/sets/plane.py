@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.numerics.levels import COMPUTED_ZERO
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
@@ -26,7 +27,7 @@ def stable_boundary(potential: Dissipation, phases: Array, rays: int = _RAYS) ->
     directions = _circle(rays)
     normals, offsets = _half_planes(potential, phases)
     slopes = directions @ normals.T
-    ahead = slopes > 1e-12
+    ahead = slopes > COMPUTED_ZERO
     reach = np.where(ahead, offsets / np.where(ahead, slopes, 1.0), np.inf).min(axis=1)
     return directions * reach[:, None]
 

@@ -14,6 +14,7 @@ from stickslip import page
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import COMPUTED_ZERO, LAST_DIGITS, ROUNDED_SUM, SYMMETRIC
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
 from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
 from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DRAWN = 8  # components of a potential that is drawn in a notebook
+_DIFFERENCE = 1e-7  # of the largest force, for slopes of projections: about √ε
+_OUTSIDE = 1e-8  # part of a radius: so far outside what is normal to K(s) is looked at
+_DEPTH = 1e-8  # accuracy of how far inside a force is
+_AXIS = 1e-8  # component of a basis of frictionless directions that shows which they are
 
 
 class Dissipation(ABC):
@@ -143,7 +148,7 @@ class Dissipation(ABC):
         shape (n, n)."""
         y = self.project(xi, s)
         return y, slope_by_differences(
-            lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0)
+            lambda x: self.project(x, s), xi, y, _DIFFERENCE * float(np.abs(xi).max() or 1.0)
         )
 
     def member(self, xi: Array, s: float) -> Array:
@@ -229,7 +234,7 @@ class Dissipation(ABC):
         nearest = self._nearest_at(s)
         outside = float(np.linalg.norm(xi - nearest(xi)))
         length = float(np.linalg.norm(xi))
-        return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
+        return outside if outside > ROUNDED_SUM * length else -self._depth(xi, length, s, nearest)
 
     @validated
     def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
@@ -240,14 +245,14 @@ class Dissipation(ABC):
         if length == 0.0:
             return 0.0
         direction = xi / length
-        reach = self._reach(direction, s, lambda x: self.project(x, s), 1e-15)
+        reach = self._reach(direction, s, lambda x: self.project(x, s), LAST_DIGITS)
         # What is normal to K(s) is known best from a little outside, neither far nor too close.
-        beyond = (1.0 + 1e-8) * reach * direction
+        beyond = (1.0 + _OUTSIDE) * reach * direction
         ahead = beyond - self.project(beyond, s)
         slope = float(ahead @ direction)
         if slope > 0.0:
             reach = min(reach, self.support(ahead, s) / slope)
-        return length / reach if reach > 1e-15 * length else np.inf
+        return length / reach if reach > LAST_DIGITS * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
         """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
@@ -382,7 +387,7 @@ class Dissipation(ABC):
         if length == 0.0:
             axes = np.eye(self.dimension)
             return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
-        return max(self._reach(xi / length, s, nearest, 1e-8) - length, 0.0)
+        return max(self._reach(xi / length, s, nearest, _DEPTH) - length, 0.0)
 
     def _reach(
         self, direction: Array, s: float, nearest: Callable[[Array], Array], accuracy: float
@@ -394,7 +399,7 @@ class Dissipation(ABC):
         for _ in range(60):
             ahead = reach * direction - nearest(reach * direction)
             slope = float(ahead @ direction)
-            if slope <= min(1e-12, accuracy) * reach:
+            if slope <= min(COMPUTED_ZERO, accuracy) * reach:
                 break
             reach, last = min(reach, self.support(ahead, s) / slope), reach
             if last - reach <= accuracy * last:
@@ -504,7 +509,7 @@ class Average(Dissipation):
             return "Friction vanishes in no direction"
         if count == n:
             return "Friction vanishes in every direction: K_av = {0}"
-        axes = [i for i in range(n) if np.abs(self.frictionless[i]).max() > 1e-8]
+        axes = [i for i in range(n) if np.abs(self.frictionless[i]).max() > _AXIS]
         listed = ", ".join(map(str, axes[:10]))
         more = ", ..." if len(axes) > 10 else ""
         named = f"among the components {listed}{more}"
@@ -551,7 +556,7 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
         raise DeclarationError(where, f"its shape is {matrix.shape}", f"Give a {n} x {n} array")
     finite(matrix, where)
     lopsided = np.abs(matrix - matrix.T).max(initial=0.0)
-    if lopsided > 1e-10 * np.abs(matrix).max(initial=0.0):
+    if lopsided > SYMMETRIC * np.abs(matrix).max(initial=0.0):
         raise DeclarationError(
             where, f"it is not symmetric (M - M^T reaches {lopsided:.3g})", "Give (M + M^T)/2"
         )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
+from stickslip.numerics.levels import EXACT_RANK, FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.sets.stretches import lengths
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ _SHORTEST_SHARE = 2.0**-12  # of a Newton step
 _ENOUGH = 1e-11
 # exchanges of whole blocks without progress before one index at a time is exchanged
 _BLOCK_TRIALS = 3
+_NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier remains as it is
+_ON_SPHERE = 2e-16  # a length below 1 + ε is 1
+_HOLDS = 1e-9  # of the largest miss or offset: what a projection onto half-spaces may miss
+_LEAST_RESIDUAL = 1e-16  # of the sizes of what is compared: less than that rounding leaves
 
 
 def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
@@ -38,8 +43,8 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
     if (lower <= xi).all() and (xi <= upper).all():
         return xi.copy()
     size = max(np.abs(xi).max(), np.abs(lower).max(), np.abs(upper).max())
-    slack = 1e-14 * size
-    push = 1e-14 * size * np.abs(M).sum(axis=1).max()
+    slack = FEW_ROUNDINGS * size
+    push = FEW_ROUNDINGS * size * np.abs(M).sum(axis=1).max()
     held = np.where(xi < lower, -1, np.where(xi > upper, 1, 0))
     pinned = lower == upper
     held[pinned] = -1
@@ -108,7 +113,7 @@ def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
         length = np.sqrt(square)
         step = (length - 1.0) * square / (np.square(v) / shifted).sum(axis=1)
         multiplier[open_] += np.maximum(step, 0.0)
-        open_ = open_[(step > 1e-16 * multiplier[open_]) & (length - 1.0 > 2e-16)]
+        open_ = open_[(step > _NO_STEP * multiplier[open_]) & (length - 1.0 > _ON_SPHERE)]
     return u, multiplier
 
 
@@ -171,7 +176,7 @@ def nearest_and_faces(
     step = np.linalg.lstsq(G[active], beyond[active], rcond=None)[0]
     y = xi + (step if M is None else np.linalg.solve(np.linalg.cholesky(M).T, step))
     left = float((normals @ y - offsets).max())
-    if not left <= 1e-9 * max(worst, float(np.abs(offsets).max())):
+    if not left <= _HOLDS * max(worst, float(np.abs(offsets).max())):
         raise ConvergenceError(
             "projection onto a polytope",
             f"the distance of the result from the set is still {left:.3g}",
@@ -184,7 +189,7 @@ def onto_span(rows: Array) -> Array:
     if not len(rows):
         return np.zeros((rows.shape[1], rows.shape[1]))
     _, sizes, basis = np.linalg.svd(rows, full_matrices=False)
-    basis = basis[sizes > 1e-12 * sizes.max(initial=0.0)]
+    basis = basis[sizes > EXACT_RANK * sizes.max(initial=0.0)]
     return basis.T @ basis
 
 
@@ -246,7 +251,7 @@ def nearest_in_metric(
     idle = 0
     for _ in range(_MOST_NEWTON):
         size = float(np.linalg.norm(xi)) + float(np.linalg.norm(now.image))
-        if now.residual <= 1e-16 * size or idle >= _MOST_IDLE:
+        if now.residual <= _LEAST_RESIDUAL * size or idle >= _MOST_IDLE:
             break
         # The derivative of y − P(y − γM(y − ξ)), P′ a generalised one.
         newton = np.linalg.solve(identity - now.slope @ (identity - step * M), now.image - now.y)
@@ -333,7 +338,7 @@ def nearest_by_support(
         size = float(np.abs(table).max() + np.abs(xi).max()) or 1.0
         d = xi - y if M is None else M @ (xi - y)
         far = float(np.linalg.norm(xi - y)) / size
-        if far <= 1e-14:
+        if far <= FEW_ROUNDINGS:
             return y
         ahead = dissipation.exposed(d, s)
         gap = (dissipation.support(d, s) - float(d @ y)) / (float(np.linalg.norm(d)) * size)
@@ -341,8 +346,8 @@ def nearest_by_support(
             best = y
             least = min(gap, far)
         if (
-            gap <= max(1e-15, accuracy * far)
-            or (np.abs(table - ahead).max(axis=1) <= 1e-15 * size).any()
+            gap <= max(LAST_DIGITS, accuracy * far)
+            or (np.abs(table - ahead).max(axis=1) <= LAST_DIGITS * size).any()
         ):
             break
         points.append(ahead)

@@ -6,6 +6,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import Signal, wrapped
 from stickslip.symbolic.expressions import Expr
@@ -32,7 +33,7 @@ def nonnegative(thresholds: Signal, s: float) -> Array:
     least = value.min(initial=0.0)
     if least >= 0.0:
         return value
-    if least < -1e-13 * thresholds.scale:
+    if least < -ROUNDED_SUM * thresholds.scale:
         i = int(value.argmin())
         when = f" at {thresholds.clock.place(wrapped(s))}" if thresholds.varies else ""
         raise DeclarationError(

@@ -16,13 +16,13 @@ from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from stickslip.arrays import Array, Array3, IntVector, Matrix, Vector, plain_array
 from stickslip.machine_code.functions import entry_point
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 Growth = Callable[[Array, Array, Array], Array]
 
 _DEGREE = 16
 EPS = float(np.finfo(float).eps)
-FIT_ROUNDING = 64 * EPS
 """Largest error of a fit, relative to the largest value: what evaluation may leave."""
 _COARSEST = 1e-9
 """Largest relative error that rounding of the places may excuse: beyond it a function of unknown
@@ -267,16 +267,14 @@ def _halve_until_resolved(
         # rounding; what grows without bound on every disc is a jump.
         steepness = np.sum(np.abs(derivatives(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
-        tolerance = FIT_ROUNDING * scale + (
+        tolerance = ROUNDING * scale + (
             np.minimum(blur, _COARSEST * scale) if growth is None else blur
         )
         off = np.max(np.abs(at_points @ c - function(middle + half * points[:, None])), axis=0)
         off = np.maximum(off, np.abs(c[-1]) + np.abs(c[-2]))
         resolved = off <= tolerance
         if growth is not None and resolved.any():
-            resolved[resolved] = (
-                _missed(growth, start[resolved], end[resolved]) <= FIT_ROUNDING * scale
-            )
+            resolved[resolved] = _missed(growth, start[resolved], end[resolved]) <= ROUNDING * scale
         noise = max(noise, float(np.max(off[resolved], initial=0.0)))
         resolved |= end - start <= np.maximum(_NARROWEST * whole, 8.0 * np.spacing(np.abs(middle)))
         done.append((start[resolved], c[:, resolved]))

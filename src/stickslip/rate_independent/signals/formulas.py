@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.numerics.levels import ROUNDING
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped
@@ -184,7 +185,7 @@ def _zeros(expression: Expr, name: str, edges: Array) -> Array:
     panel, x = ch.sign_changes(c, 0.0)
     inside = breaks[panel] + 0.5 * (x + 1.0) * np.diff(breaks)[panel]
     # A zero at the edge of two panels may show in neither.
-    between = breaks[1:-1][np.abs(guard(breaks[1:-1])) <= ch.FIT_ROUNDING * np.max(np.abs(c))]
+    between = breaks[1:-1][np.abs(guard(breaks[1:-1])) <= ROUNDING * np.max(np.abs(c))]
     found = np.concatenate([inside, between])
     # Of the numbers around it, the nearest at which the guard is smallest: t < 1 ends at 1.
     near = np.clip(found + np.spacing(found) * _NEIGHBOURS[:, None], edges[0], edges[-1])

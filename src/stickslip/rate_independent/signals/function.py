@@ -22,6 +22,7 @@ from stickslip.rate_independent.signals.signal import Signal, Variable
 # numbers that are remembered: refined steps ask for the same times again
 _REMEMBERED = 2_000_000
 _FEW_PANELS = 2**13  # for a function that has to be called for each number
+_AT_ONCE = 1e-12  # relative: an array function and its values one by one differ by rounding alone
 
 
 class CallableSignal(Signal):
@@ -123,7 +124,7 @@ class CallableSignal(Signal):
         except Exception:  # whatever it does with an array, it works for numbers
             return each, _FEW_PANELS
         if at_once.shape != probe.shape or not np.allclose(
-            at_once, expected, rtol=1e-12, equal_nan=True
+            at_once, expected, rtol=_AT_ONCE, equal_nan=True
         ):
             return each, _FEW_PANELS
         return lambda u: np.asarray(self.function(u), dtype=float), ch.MOST_PANELS

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.numerics.levels import SAME_VALUE, SPAN_ENDS
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.symbolic.boxes import Chord
 
 NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
-_ROUNDED = 1e-9  # part of a span that is no more than rounding of its ends
 
 
 class Variable(NamedTuple):
@@ -240,7 +240,7 @@ class Signal(ABC):
         first, last = self.span
         if self.clock.periodic or not np.isfinite(last - first):
             return []
-        near = _ROUNDED * (last - first)
+        near = SPAN_ENDS * (last - first)
         found: list[str] = []
         if first < start - near:
             found.append(f"{self.where} begins at {first:.9g}, the motion at {start:.9g}")
@@ -276,7 +276,7 @@ def wrapped(s: Any) -> Any:
 def same_array(one: Array, other: Array) -> bool:
     """Whether two arrays agree up to the rounding of a smooth function."""
     return one.shape == other.shape and bool(
-        np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max(initial=0))
+        np.allclose(one, other, rtol=SAME_VALUE, atol=SAME_VALUE * np.abs(one).max(initial=0))
     )
 
 

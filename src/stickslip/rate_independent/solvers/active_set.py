@@ -23,7 +23,8 @@ from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.translator import compiled
 
-_ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
+_EPSILON = 2.2e-16  # just below the spacing of numbers at 1
+_ROUNDING = 16 * _EPSILON  # of a sum of forces, relative to its largest terms
 _FRESH = 200  # changes, besides ten per component, after which the factor is made anew
 
 
@@ -102,7 +103,7 @@ def enter(A: Matrix, L: Matrix, order: IntVector, m: int, k: int) -> None:
             entry -= L[m, j] * L[i, j]
         L[m, i] = entry / L[i, i]
         square -= L[m, i] * L[m, i]
-    L[m, m] = math.sqrt(max(square, 2.2e-16 * A[k, k]))
+    L[m, m] = math.sqrt(max(square, _EPSILON * A[k, k]))
     order[m] = k
 
 

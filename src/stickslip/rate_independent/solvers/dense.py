@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array, plain_array
+from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.solvers.active_set import BoxSpace, Face
 
-_ROUNDING = 1e-14  # of a force, relative to the largest of its parts
 _BLOCK = 400_000  # numbers in one array of a block of steps
 
 
@@ -72,7 +72,7 @@ class ProjectionSteps:
             elastic = self.A @ z
             row = sets.row(k)
             force = load - elastic
-            noise = _ROUNDING * (np.abs(load).max() + np.abs(elastic).max() + size)
+            noise = FEW_ROUNDINGS * (np.abs(load).max() + np.abs(elastic).max() + size)
             if not row.holds(force, noise):
                 held = row.nearest(force, self.metric)
                 effort[k] = 1

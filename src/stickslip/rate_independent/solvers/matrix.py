@@ -8,6 +8,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.levels import COMPUTED_ZERO, SYMMETRIC
 
 # rows up to which a sparse matrix is factorised to see whether it is positive definite
 _DECIDED = 20_000
@@ -49,7 +50,7 @@ def _check_symmetric(A: Any) -> None:
     if not np.all(np.isfinite(entries)):
         raise DeclarationError("A", "an entry is not finite", "Give finite numbers")
     gap = abs(A - A.T)
-    if gap.max() > 1e-10 * abs(entries).max(initial=0.0):
+    if gap.max() > SYMMETRIC * abs(entries).max(initial=0.0):
         if sparse.issparse(gap):
             gap = sparse.coo_array(gap)
             k = int(np.argmax(gap.data))
@@ -131,7 +132,7 @@ def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
         w -= diagonal[-1] * v
         beta = float(np.linalg.norm(w))
         below.append(beta)
-        if beta <= 1e-12 * abs(diagonal[0]):
+        if beta <= COMPUTED_ZERO * abs(diagonal[0]):
             break
         previous = v
         v = w / beta

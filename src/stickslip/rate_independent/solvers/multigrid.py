@@ -27,10 +27,10 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.numerics.levels import SUM_ROUNDING
 from stickslip.rate_independent.solvers.hierarchy import Hierarchy, Level, blocks
 from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.rate_independent.solvers.smoothing import (
-    SUM_ROUNDING,
     BlockRows,
     defect,
     forces,

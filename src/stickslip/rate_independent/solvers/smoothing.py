@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip.arrays import Array3, Int32Vector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.numerics.levels import LAST_DIGITS, SUM_ROUNDING
 from stickslip.translator import compiled
 
-SUM_ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
 # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
 _HELD = 1.0 + 1e-12
 
@@ -142,7 +142,7 @@ def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y:
         following = shift + (radius - shift * math.sqrt(square)) / (
             math.sqrt(square) - radius * product / square
         )
-        if not following < shift * (1.0 - 1e-15):
+        if not following < shift * (1.0 - LAST_DIGITS):
             return
         shift = max(following, 0.0)
 

@@ -100,7 +100,6 @@ from stickslip.motion.steps.arrays import (
     DISSIPATED,
     INERTIAL,
     OK,
-    ROUNDING,
     SUPPLIED,
     Flow,
     Instant,
@@ -113,6 +112,7 @@ from stickslip.motion.steps.sets import force_terms, is_rate_independent, kink_t
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.vectors import copy
+from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 _ACTING = 4.0  # shortest times that a Taylor series would last

@@ -10,6 +10,7 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.jumps import fired_jump
 from stickslip.motion.steps.arrays import MASSIVE, Rows, has_opened
 from stickslip.motion.steps.sets import plane_of
+from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.tables import (
     ALIKE,
@@ -94,7 +95,7 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
                 meant = meant or run.knots.cause[j] == switch
         else:
             meant = listed.settings[left, switch] != listed.settings[right, switch]
-        off = abs(here.value[g]) / (abs(here.fall[g]) + 1e-300)
+        off = abs(here.value[g]) / (abs(here.fall[g]) + TINIEST)
         if meant and (best < 0 or off < least):
             best, least = g, off
     return best

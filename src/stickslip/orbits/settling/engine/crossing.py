@@ -26,6 +26,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.translator import compiled
 
 _AT_ONCE = 1e-3  # of a period: a return so soon is none
+_MISSES = 1e-6  # of a height: how far the end of a Taylor step may be off; else it was a flight
 
 
 @compiled()
@@ -117,7 +118,7 @@ def cross_plane(
         _, step, series = along(e.machine, flow, start, high, 0.0, lanes.seen[i])
         unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
-        if not abs(height(m, rules, i, after, work[1], work[0]) - ahead) <= 1e-6 * abs(ahead):
+        if not abs(height(m, rules, i, after, work[1], work[0]) - ahead) <= _MISSES * abs(ahead):
             # a flight in closed form: its modes are linear, and have no cycle of their own
             continue
         for _ in range(60):

@@ -7,9 +7,9 @@ import math
 from stickslip.arrays import Array
 from stickslip.motion.affine.forms import AFFINE, GUARDS, ClosedForms, Flight, slots_of
 from stickslip.motion.affine.matrices import orthogonalise
+from stickslip.numerics.levels import RANK
 from stickslip.translator import compiled
 
-_SMALLEST = 1e-9  # singular value of the rows, relative to the largest, that counts
 _FITS = 1e-9  # by how much a row may fail, relative to its size
 _SEEN = 1e-12  # of the largest velocity
 
@@ -63,7 +63,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     for k in range(n):
         largest = max(largest, p.scale[k])
     for k in range(n):
-        if p.scale[k] > _SMALLEST * _SMALLEST * largest:
+        if p.scale[k] > RANK * RANK * largest:
             total = 0.0
             for i in range(n):
                 total += R[i, k] * right[i]

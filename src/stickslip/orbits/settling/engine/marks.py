@@ -33,6 +33,7 @@ _KEPT = 3  # returns before, that are kept then
 _GROWING = 8
 _HALFWAY = 0.618  # of a period: how long before the mark that look is
 _WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
+_NEXT = 1e-9  # of an interval: a time so near to its end is in the next one
 
 
 @compiled()
@@ -79,7 +80,7 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
         mark = next_mark(m, rules, i)
         halfway = mark - _HALFWAY * drive
         return halfway if 0 < count <= _GROWING and t < halfway - 1e-3 * drive else mark
-    target = start + look * (math.floor((t - start) / look + 1e-9) + 1.0)
+    target = start + look * (math.floor((t - start) / look + _NEXT) + 1.0)
     lag = m.numbers[i, LAG]
     ring = m.time.shape[1]
     if m.numbers[i, EVENTLESS] == 1 and m.numbers[i, LEAPT] > 0:
