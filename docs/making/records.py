@@ -1,4 +1,4 @@
-"""Pages that are kept elsewhere in the repository: benchmarks, changelog, contributing."""
+"""Pages kept elsewhere in the repository: benchmarks, changelog, contributing, security."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _APART = ("truth", "wrong")
 
 
 def pages() -> dict[str, str]:
-    """Benchmarks, truth, what goes wrong elsewhere, changelog, contributing."""
+    """Benchmarks, truth, what goes wrong elsewhere, changelog, contributing, security."""
     others = sorted(p.stem for p in _RESULTS.glob("*.md") if p.stem not in (*_ORDER, *_APART))
     places = [_RESULTS / f"{name}.md" for name in (*_ORDER, *others)]
     tables = "\n".join(_deeper(p.read_text(encoding="utf-8")) for p in places if p.exists())
@@ -28,6 +28,7 @@ def pages() -> dict[str, str]:
         "generated/truth.md": _read("benchmarks/results/truth.md"),
         "generated/changelog.md": _read("CHANGELOG.md"),
         "generated/contributing.md": _read("CONTRIBUTING.md").replace("](docs/", "](../"),
+        "generated/security.md": _read("SECURITY.md").replace("](docs/", "](../"),
     }
 
 
