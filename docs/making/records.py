@@ -27,13 +27,20 @@ def pages() -> dict[str, str]:
         "generated/benchmarks.md": markdown.filled("benchmarks", tables=tables),
         "generated/truth.md": _read("benchmarks/results/truth.md"),
         "generated/changelog.md": _read("CHANGELOG.md"),
-        "generated/contributing.md": _read("CONTRIBUTING.md").replace("](docs/", "](../"),
-        "generated/security.md": _read("SECURITY.md").replace("](docs/", "](../"),
+        "generated/contributing.md": _on_the_site("CONTRIBUTING.md"),
+        "generated/security.md": _on_the_site("SECURITY.md"),
     }
 
 
 def _read(place: str) -> str:
     return (ROOT / place).read_text(encoding="utf-8")
+
+
+def _on_the_site(place: str) -> str:
+    """A page of the repository. Links to pages of the site lead there; names of other files are
+    text."""
+    text = _read(place).replace("](docs/", "](../").replace("](SECURITY.md)", "](security.md)")
+    return re.sub(r"\[([^\]]+)\]\((?!\.\./|[a-z]+:|security)[^)]+\)", r"\1", text)
 
 
 def _sections(place: str) -> dict[str, str]:
