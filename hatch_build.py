@@ -23,9 +23,9 @@ class MachineCode(BuildHookInterface):
     is ``none``: then what is there is packed. An editable installation compiles it for its own
     processor when it first needs it.
 
-    A wheel runs on all platforms, with machine code for the one it was built on and bitcode for the
-    others. ``$STICKSLIP_WHEEL_PLATFORM``, such as ``manylinux_2_28_x86_64``, names the platform in
-    its tag, so that an index can offer a wheel with machine code for each."""
+    A wheel contains machine code for the platform on which it is built, and bitcode for others.
+    ``$STICKSLIP_WHEEL_PLATFORM``, such as ``manylinux_2_28_x86_64``, names the platform in its tag,
+    so that an index can offer a wheel with machine code for each."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Make what is missing."""

@@ -224,6 +224,7 @@ def test_what_is_shipped_no_more_is_removed(
     [
         ("aarch64-unknown-linux-gnu", b"\x7fELF\x02\x01\x01"),
         ("arm64-apple-macosx", bytes.fromhex("cffaedfe 0c000001")),
+        (objects.platform_of("arm64-apple-darwin24.6.0"), bytes.fromhex("cffaedfe 0c000001")),
         ("x86_64-pc-windows-msvc", bytes.fromhex("6486")),
         ("wasm32-unknown-unknown", b"\0asm"),
     ],
