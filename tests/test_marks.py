@@ -54,5 +54,11 @@ def test_they_select(conftest: ModuleType) -> None:
 
 def test_the_map_of_the_tests_names_every_folder() -> None:
     text = (TESTS / "README.md").read_text(encoding="utf-8")
-    folders = {path.parent.relative_to(TESTS).parts[0] for path in TESTS.rglob("test_*.py") if path.parent != TESTS}
-    assert {folder for folder in folders if f"`{folder}`" not in text and f"`{folder}/`" not in text} == set()
+    folders = {
+        path.parent.relative_to(TESTS).parts[0]
+        for path in TESTS.rglob("test_*.py")
+        if path.parent != TESTS
+    }
+    assert {
+        folder for folder in folders if f"`{folder}`" not in text and f"`{folder}/`" not in text
+    } == set()

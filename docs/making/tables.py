@@ -110,7 +110,13 @@ def _measures() -> str:
         ]
         for name, row in measures.MEASURES.items()
     ]
-    head = ["measure", "meaning", "argument", "also without convergence", "computes the period again"]
+    head = [
+        "measure",
+        "meaning",
+        "argument",
+        "also without convergence",
+        "computes the period again",
+    ]
     return markdown.filled(
         "measures",
         told="\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]),

@@ -54,7 +54,10 @@ def test_the_description_needs_no_repository(hooks: ModuleType) -> None:
     before, after = LINK.findall(text), LINK.findall(shown)
     assert len(before) == len(after) > 10
     assert all(link.startswith("https://") for link in after)
-    assert "![The block sticks and slips](https://host.example/us/it/raw/v1.2.3/docs/images/block.png)" in shown
+    assert (
+        "![The block sticks and slips](https://host.example/us/it/raw/v1.2.3/docs/images/block.png)"
+        in shown
+    )
     assert "](https://host.example/us/it/blob/v1.2.3/docs/start.md)" in shown
     assert "](https://host.example/us/it/tree/v1.2.3/benchmarks/results)" in shown
     for link in before:
