@@ -8,8 +8,10 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --pr
 .PHONY: help demo test test-fast docs wheel release machine-code clean
 
 # What is tested in a minute: formulas and models, the translator, machine code, equations, the rules of
-# the house, and one motion of each system of the catalogue.
-FAST := tests/test_house.py tests/symbolic tests/model tests/translator tests/machine_code tests/catalogue
+# the house, and one motion of each system of the catalogue. Random programs and what stays in memory take
+# a third as long again.
+FAST := tests/test_house.py tests/symbolic tests/model tests/translator tests/machine_code tests/catalogue \
+	--ignore=tests/translator/test_random_programs.py --ignore=tests/machine_code/test_memory.py
 
 help:
 	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
