@@ -21,7 +21,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from making import words
 
 FIRST = 3
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
 DRIVER = shutil.which("chromedriver")
 # The pages that Sphinx's search would show, best first.
 ASKED = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from inspect import unwrap
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,25 @@ from stickslip import simulate
 # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# Marks of the tests in a folder, so that they can be run, or left out, by themselves.
+MARKS = {"adversarial": "adversary", "explorer": "explorer", "stickslip_paper": "paper"}
+
+
+def mark_of(path: Path) -> str:
+    """The mark of a test file; empty if its folder has none."""
+    here = Path(__file__).parent
+    folder = path.relative_to(here).parts[0] if path.is_relative_to(here) else ""
+    return MARKS.get(folder, "")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests by their folders."""
+    for item in items:
+        mark = mark_of(item.path)
+        if mark:
+            item.add_marker(mark)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])

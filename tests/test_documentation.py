@@ -21,6 +21,7 @@ from scipy.sparse import csr_array, save_npz
 
 import check_site
 import stickslip as ss
+import stickslip_paper
 from bodies import clamped
 from making import (
     command_line,
@@ -279,6 +280,54 @@ def test_attributes_are_read_off_docstrings() -> None:
     told = docstrings.described(system.Contact)
     assert told["unit"] == ("str", "Unit of the friction force.")
     assert set(told) == {item.name for item in fields(system.Contact)}
+
+
+# -- numbers that the prose quotes -----------------------------------------------------------------
+
+PROSE = {
+    **WRITTEN,
+    **{
+        name: (ROOT / name).read_text(encoding="utf-8")
+        for name in ("README.md", "CHANGELOG.md", "CITATION.cff", "paper/paper.md")
+    },
+}
+TRUTH = (ROOT / "benchmarks" / "results" / "truth.md").read_text(encoding="utf-8")
+ROW = re.compile(r"^\| (\**)([^|*]+)\1 \| (\d+) \| (\d+) \|", re.MULTILINE)
+COUNTED = re.compile(r"(\d+)\s+(?:of its |of the paper's )?(?:statements|claims)\b")
+
+
+def test_the_number_of_claims_is_that_of_the_paper() -> None:
+    quoted = {
+        (page, int(number)) for page, text in PROSE.items() for number in COUNTED.findall(text)
+    }
+    number = len(stickslip_paper.claims())
+    assert quoted == {("README.md", number), ("project/paper.md", number)}
+
+
+def test_the_number_of_random_systems_is_that_of_the_report() -> None:
+    """Pages say it in words, so that only the report has to change after a run."""
+    compared = {
+        name: int(number) for bold, name, number, _ in ROW.findall(TRUTH) if bold and name != "all"
+    }
+    families = {name for bold, name, _, _ in ROW.findall(TRUTH) if not bold}
+    assert sum(compared.values()) >= 20_000 and len(families) > 100
+    for page, text in PROSE.items():
+        for sentence in re.findall(r"[^.|]*\brandom\s+systems\b[^.|]*", text):
+            assert not re.search(r"\d{4}|\d,\d{3}", sentence), page
+            if "housands" in sentence:
+                assert re.search(r"[Tt]ens\s+of\s+thousands", sentence), page
+
+
+def test_sums_of_the_report_are_those_of_its_tables() -> None:
+    seen = 0
+    for section in re.split(r"^## ", TRUTH, flags=re.MULTILINE):
+        said = re.search(r"(\d+) compared, (\d+) agreed", section)
+        rows = [row for row in ROW.findall(section) if row[0] and row[1] != "all"]
+        if said and rows:
+            sums = [sum(int(row[k]) for row in rows) for k in (2, 3)]
+            assert [int(said[1]), int(said[2])] == sums
+            seen += 1
+    assert seen >= 3
 
 
 # -- links -----------------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 _OUTSIDE = {
     "../CONTRIBUTING.md": "/generated/contributing.md",
     "../CHANGELOG.md": "/generated/changelog.md",
+    "../SECURITY.md": "/generated/security.md",
     "../benchmarks/results/truth.md": "/generated/truth.md",
 }
 

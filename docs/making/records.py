@@ -1,4 +1,4 @@
-"""Pages that are kept elsewhere in the repository: benchmarks, changelog, contributing."""
+"""Pages kept elsewhere in the repository: benchmarks, changelog, contributing, security."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _APART = ("truth", "wrong")
 
 
 def pages() -> dict[str, str]:
-    """Benchmarks, truth, what goes wrong elsewhere, changelog, contributing."""
+    """Benchmarks, truth, what goes wrong elsewhere, changelog, contributing, security."""
     others = sorted(p.stem for p in _RESULTS.glob("*.md") if p.stem not in (*_ORDER, *_APART))
     places = [_RESULTS / f"{name}.md" for name in (*_ORDER, *others)]
     tables = "\n".join(_deeper(p.read_text(encoding="utf-8")) for p in places if p.exists())
@@ -27,12 +27,20 @@ def pages() -> dict[str, str]:
         "generated/benchmarks.md": markdown.filled("benchmarks", tables=tables),
         "generated/truth.md": _read("benchmarks/results/truth.md"),
         "generated/changelog.md": _read("CHANGELOG.md"),
-        "generated/contributing.md": _read("CONTRIBUTING.md").replace("](docs/", "](../"),
+        "generated/contributing.md": _on_the_site("CONTRIBUTING.md"),
+        "generated/security.md": _on_the_site("SECURITY.md"),
     }
 
 
 def _read(place: str) -> str:
     return (ROOT / place).read_text(encoding="utf-8")
+
+
+def _on_the_site(place: str) -> str:
+    """A page of the repository. Links to pages of the site lead there; names of other files are
+    text."""
+    text = _read(place).replace("](docs/", "](../").replace("](SECURITY.md)", "](security.md)")
+    return re.sub(r"\[([^\]]+)\]\((?!\.\./|[a-z]+:|security)[^)]+\)", r"\1", text)
 
 
 def _sections(place: str) -> dict[str, str]:

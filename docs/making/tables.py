@@ -103,13 +103,20 @@ def _measures() -> str:
     rows = [
         [
             markdown.code(name),
-            _OF.get(row.of, row.of).format(name=name),
-            "yes" if name in measures._OF_A_SPAN else "",
+            row.said.meaning,
+            _OF.get(row.said.of, row.said.of).format(name=name),
+            "yes" if row.said.of_a_span else "",
             "yes" if row.again else "",
         ]
         for name, row in measures.MEASURES.items()
     ]
-    head = ["measure", "argument", "also without convergence", "computes the period again"]
+    head = [
+        "measure",
+        "meaning",
+        "argument",
+        "also without convergence",
+        "computes the period again",
+    ]
     return markdown.filled(
         "measures",
         told="\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]),

@@ -81,6 +81,8 @@ WORDS: Mapping[str, str] = {
     "reference/python": "API, Python",
     "project/citing": "cite, citation",
     "project/roadmap": "roadmap",
+    "project/versions": "versions, deprecation, compatibility",
+    "generated/security": "security, vulnerability",
     "generated/changelog": "changelog, what is new",
     "generated/benchmarks": "benchmarks, speed of others",
     "generated/contributing": "contributing",

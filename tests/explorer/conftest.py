@@ -16,7 +16,8 @@ with warnings.catch_warnings():
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
 DRIVER = shutil.which("chromedriver")
 
 

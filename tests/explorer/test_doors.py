@@ -16,15 +16,16 @@ from urllib.parse import urlsplit
 import pytest
 from bokeh.document import Document
 from bokeh.models import Div
+from bokeh.server.views.ws import WSHandler
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 from explorer.client import Page, get, talk
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import PageSetting, read_request, read_state
 from stickslip.explorer.explore import listening_explorer
-from stickslip.explorer.serving.doors import Leaving
+from stickslip.explorer.serving.doors import OVERRIDDEN, Guarded, Leaving, Prompt
 from stickslip.explorer.serving.server import Explorer
 
 
@@ -35,6 +36,18 @@ def test_the_page_is_there_for_who_knows_its_address(explorer: Explorer) -> None
     parts = urlsplit(explorer.address)
     for name in ("localhost", "127.0.0.1", "[::1]", "LOCALHOST"):
         assert get(explorer.address, Host=f"{name}:{parts.port}")[0] == 200
+
+
+def test_a_bokeh_that_would_not_be_guarded_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A method of another name would be called in place of ours."""
+    own = {name for name, value in vars(Prompt).items() if name[:1] == "_" and callable(value)}
+    assert own - {*vars(object)} == {*OVERRIDDEN[WSHandler]}
+    assert {*OVERRIDDEN[next(cls for cls in OVERRIDDEN if cls is not WSHandler)]} - {
+        *vars(Guarded)
+    } == {"get_sessions"}  # which is called
+    monkeypatch.delattr(WSHandler, "_receive")
+    with pytest.raises(StickslipError, match="WSHandler has no method _receive"):
+        listening_explorer(None, port=0).start()
 
 
 @pytest.mark.parametrize(

@@ -224,6 +224,7 @@ def test_what_is_shipped_no_more_is_removed(
     [
         ("aarch64-unknown-linux-gnu", b"\x7fELF\x02\x01\x01"),
         ("arm64-apple-macosx", bytes.fromhex("cffaedfe 0c000001")),
+        (objects.platform_of("arm64-apple-darwin24.6.0"), bytes.fromhex("cffaedfe 0c000001")),
         ("x86_64-pc-windows-msvc", bytes.fromhex("6486")),
         ("wasm32-unknown-unknown", b"\0asm"),
     ],
@@ -242,6 +243,20 @@ def test_code_of_other_platforms(small: Small, triple: str, begins: bytes) -> No
         code = objects.from_bitcode(bitcode, there)
         assert code.startswith(begins)
         assert b"scaled" in code or b"total" in code
+
+
+@pytest.mark.parametrize(
+    ("told", "platform"),
+    [
+        ("arm64-apple-darwin24.6.0", "arm64-apple-darwin21"),
+        ("x86_64-apple-darwin22.1.0", "x86_64-apple-darwin21"),
+        ("x86_64-unknown-linux-gnu", "x86_64-unknown-linux-gnu"),
+        ("x86_64-pc-windows-msvc", "x86_64-pc-windows-msvc"),
+    ],
+)
+def test_code_does_not_depend_on_the_version_of_macos(told: str, platform: str) -> None:
+    """A wheel that was built on one finds its machine code on another."""
+    assert objects.platform_of(told) == platform
 
 
 def test_portable_code_is_the_same_function(small: Small) -> None:

@@ -10,12 +10,12 @@ import pytest
 
 import stickslip as ss
 from stickslip.arrays import Array
-from stickslip.model.quantities import MEANINGS
+from stickslip.model.quantities import MEASURABLE
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles.cycle import find_cycle
 from stickslip.orbits.settling.motions import Settings
-from stickslip.sweeps.request import measures
+from stickslip.sweeps.request import measures, one_period
 from stickslip.sweeps.work.chunk import measure_chunk
 
 LINEAR = System(
@@ -222,8 +222,26 @@ def test_steady_sliding_and_motions_that_do_not_settle() -> None:
     assert block["outcome"][0] == Outcome.UNDAMPED.code and block["certificate"][0] < 1e-9
 
 
+def test_root_mean_squares_are_those_of_a_wave() -> None:
+    """Of x = Re(z exp(iωt)), where z = 1/(1 − ω² + icω)."""
+    omega = np.array([0.7, 1.3, 2.0])
+    names = ["rms:x", "rms:d_x", "rms:x + 1", "rms:2*x*d_x", "mean:x**2", "rms"]
+    found = ss.sweep(LINEAR, {"omega": omega}, names, settings=Settings(tolerance=1e-9))
+    size = np.abs(1.0 / (1.0 - omega**2 + 0.2j * omega))
+    expected = {
+        "rms:x": size / np.sqrt(2.0),
+        "rms:d_x": omega * size / np.sqrt(2.0),
+        "rms:x + 1": np.sqrt(1.0 + size**2 / 2.0),
+        "rms:2*x*d_x": omega * size**2 / np.sqrt(2.0),
+        "mean:x**2": size**2 / 2.0,
+        "rms": size / np.sqrt(2.0),
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-6, err_msg=name)
+
+
 def test_every_measure_is_described() -> None:
-    assert set(measures.MEASURES) == set(MEANINGS)
+    assert set(measures._SUMMED) | set(one_period.RULES) == set(MEASURABLE)
     assert all(f"``{name}" in str(measures.__doc__) for name in measures.MEASURES)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -94,13 +95,19 @@ class Processor(NamedTuple):
     version: tuple[int, ...]
 
 
+def platform_of(triple: str) -> str:
+    """A platform as LLVM names it. For macOS LLVM adds the version that runs, by which machine code
+    would be another on each; the oldest with wheels stands for all."""
+    return re.sub(r"-darwin[\d.]*$", "-darwin21", triple)
+
+
 @cache
 def processor() -> Processor:
     """That of this machine."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return Processor(
-        llvm.get_process_triple(),
+        platform_of(llvm.get_process_triple()),
         llvm.get_host_cpu_name(),
         llvm.get_host_cpu_features().flatten(),
         tuple(llvm.llvm_version_info),

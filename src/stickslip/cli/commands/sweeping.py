@@ -50,7 +50,7 @@ MeasureOptions = Annotated[
         "--measure",
         metavar="MEASURE",
         help="Measure: period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-        "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g "
+        "switches, mean, rms, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g "
         "..., also of one part as in amplitude:psi; 'name = formula' of these; "
         "file.py:function; may be repeated.",
     ),

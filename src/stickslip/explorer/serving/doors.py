@@ -27,6 +27,7 @@ from bokeh.util.token import get_session_id
 from tornado.httputil import HTTPServerRequest
 from tornado.web import RequestHandler
 
+from stickslip.errors import StickslipError
 from stickslip.explorer.asking.limits import MOST_MESSAGE
 from stickslip.explorer.serving.wire import WIRE
 
@@ -40,6 +41,30 @@ _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <style>body{{font:16px/1.5 system-ui,sans-serif;max-width:34em;margin:18vh auto;padding:0 1.5em}}
 @media (prefers-color-scheme:dark){{body{{background:#14171a;color:#dfe3e6}}}}</style>
 <h1>{title}</h1><p>{reason}</p></html>"""
+
+
+# What is overridden below and is not part of Bokeh's documented interface.
+OVERRIDDEN = {
+    WSHandler: ("_async_open", "_receive", "_handle", "_internal_error", "_protocol_error"),
+    BokehTornado: ("find_handler", "get_handler_delegate", "get_sessions", "log_request"),
+}
+
+
+def check_bokeh() -> None:
+    """Refuse a version of Bokeh that lacks a method which is overridden here: it would call one of
+    another name in its place, and nothing would guard it.
+
+    Raises
+    ------
+    StickslipError
+    """
+    for cls, names in OVERRIDDEN.items():
+        for name in names:
+            if not hasattr(cls, name):
+                raise StickslipError(
+                    f"the explorer cannot guard its server with this version of bokeh: "
+                    f"{cls.__name__} has no method {name}. Install an older version"
+                )
 
 
 class Doors:
@@ -65,8 +90,7 @@ class Doors:
         """
         if host_of(f"//{request.host}") not in self.names:
             return 403, (
-                "The explorer does not accept requests under this host name. Add it with "
-                "--allow-host."
+                "The explorer does not accept requests under this host name. Add it with --allow."
             )
         origin = request.headers.get("Origin")
         upgrade = request.headers.get("Upgrade", "").lower() == "websocket"

@@ -16,7 +16,7 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.netutil import bind_sockets
 
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_PAGES
 from stickslip.explorer.asking.request import GIVEN, Request, read_state
 from stickslip.explorer.serving.pool import WorkerPool
@@ -111,6 +111,7 @@ class Explorer:
         self._loop: IOLoop | None = None
         self._ended = threading.Event()
         self._ready = threading.Event()
+        self._refused: StickslipError | None = None
         self.pool: WorkerPool | None = None
 
     def __repr__(self) -> str:
@@ -128,10 +129,22 @@ class Explorer:
         asyncio.run(self._serve())
 
     def start(self) -> Explorer:
-        """Serve pages beside whatever else this program does."""
-        threading.Thread(target=self.serve, daemon=True).start()
+        """Serve pages beside whatever else this program does.
+
+        Raises
+        ------
+        StickslipError
+            If the installed version of bokeh cannot be used.
+        """
+        threading.Thread(target=self._serve_beside, daemon=True).start()
         self._ready.wait(30.0)
+        if self._refused is not None:
+            raise self._refused
         return self
+
+    def _serve_beside(self) -> None:
+        with suppress(StickslipError):  # raised where it was started
+            self.serve()
 
     def close(self) -> None:
         """End it."""
@@ -167,6 +180,9 @@ class Explorer:
             server.stop()
             application.stop(wait=False)
             await server.close_all_connections()
+        except StickslipError as error:
+            self._refused = error
+            raise
         finally:
             ticks.stop()
             pool.close()
@@ -186,8 +202,9 @@ def _application(place: Listening, pool: WorkerPool):
     from bokeh.application.handlers.function import FunctionHandler
 
     from stickslip.explorer.serving.document import page_maker
-    from stickslip.explorer.serving.doors import Doors, Guarded, Leaving
+    from stickslip.explorer.serving.doors import Doors, Guarded, Leaving, check_bokeh
 
+    check_bokeh()
     logging.getLogger("bokeh").setLevel(logging.CRITICAL)
     for name in ("tornado.access", "tornado.application", "tornado.general"):
         logging.getLogger(name).setLevel(logging.CRITICAL)

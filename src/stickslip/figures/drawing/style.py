@@ -26,6 +26,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
 from matplotlib.ticker import (
     AutoLocator,
@@ -164,8 +165,8 @@ def _have_room(axis: Any, ticks: Array, low: float, high: float) -> bool:
     first, last = axis.get_transform().transform([low, high])
     apart = np.min(np.diff(axis.get_transform().transform(shown))) / (last - first) * points
     letters = max(map(len, axis.get_major_formatter().format_ticks(ticks)), default=0)
-    # its size, as matplotlib's own guess of the room asks for it
-    return (letters + 1) * _LETTER * axis._get_tick_label_size("x") <= apart
+    size = axis.get_tick_params().get("labelsize", mpl.rcParams["xtick.labelsize"])
+    return (letters + 1) * _LETTER * FontProperties(size=size).get_size_in_points() <= apart
 
 
 def _between_decades(axis: Any) -> None:

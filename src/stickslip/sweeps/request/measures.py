@@ -8,9 +8,9 @@ converged: ``amplitude`` (half the range, of the first component of the state or
 of the time in which all contacts stick, or ``stick_fraction:contact``), ``peak_force`` and
 ``mean_force`` (largest |λ| and mean λ; over all contacts the largest |λ|, or
 ``peak_force:contact``; in a plane the mean is of one component, ``mean_force:table 1``),
-``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean``, ``shift`` (its
-change), ``state`` (its value at the beginning of the measured part), ``time`` (of that beginning)
-and ``duration`` (of that part).
+``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean`` and ``rms`` (its
+time average, and its root mean square), ``shift`` (its change), ``state`` (its value at the
+beginning of the measured part), ``time`` (of that beginning) and ``duration`` (of that part).
 
 In place of a component there may be an output, an unknown of a structure, a force or any other
 formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,
@@ -39,6 +39,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
+from stickslip.model.quantities import MEASURABLE, Measurable
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, STUCK
 from stickslip.motion.between.formulas import read_formula
@@ -141,61 +142,37 @@ def _duration(problem: Problem, o: Observed, of: str) -> Array:
 
 @dataclass(frozen=True)
 class Named:
-    """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
-    of; or its rule for the motion of a period, which of formulas is the only one. What it can be at
-    least, and at most, where that is known."""
+    """A measure: its rule, whether steps have to be followed again for it, and its rule for the
+    motion of a period, which of formulas is the only one."""
 
+    said: Measurable
     rule: Rule | None
     closely: bool
-    of: str = ""
-    again: PeriodRule | None = None
-    least: float | None = None
-    most: float | None = None
+    again: PeriodRule | None
 
 
-MEASURES = {
-    "period": Named(_period, False, least=0.0),
-    "amplitude": Named(_amplitude, True, "component", one_period.amplitude, least=0.0),
-    "speed": Named(_speed, False, "component", one_period.speed),
-    "stick_fraction": Named(_stick_fraction, False, "contact", least=0.0, most=1.0),
-    "energy_per_cycle": Named(_energy, True, "contact", least=0.0),
-    "peak_force": Named(_peak, True, "contact", least=0.0),
-    "mean_force": Named(_mean, True, "force"),
-    "switches": Named(_switches, False, least=0.0),
-    "lyapunov": Named(_lyapunov, False),
-    "low": Named(_low, True, "component", one_period.low),
-    "high": Named(_high, True, "component", one_period.high),
-    "shift": Named(_shift, False, "component", one_period.shift),
-    "state": Named(_state, False, "component", one_period.state),
-    "time": Named(_time, False),
-    "duration": Named(_duration, False, least=0.0),
-    "mean": Named(None, False, "quantity", one_period.mean_value),
-    "harmonic": Named(None, False, "quantity", one_period.harmonic, least=0.0),
-    "phase": Named(None, False, "quantity", one_period.phase, least=-np.pi, most=np.pi),
-    "relative_phase": Named(
-        None, False, "quantity", one_period.phase_to_drive, least=-1.5 * np.pi, most=0.5 * np.pi
-    ),
-    "energy_per_distance": Named(None, False, "component", one_period.energy_per_distance),
-    "cost_of_transport": Named(None, False, "weight", one_period.cost_of_transport),
+# Rules of what the engine sums up, and whether steps have to be followed again for them.
+_SUMMED: dict[str, tuple[Rule, bool]] = {
+    "period": (_period, False),
+    "amplitude": (_amplitude, True),
+    "speed": (_speed, False),
+    "stick_fraction": (_stick_fraction, False),
+    "energy_per_cycle": (_energy, True),
+    "peak_force": (_peak, True),
+    "mean_force": (_mean, True),
+    "switches": (_switches, False),
+    "lyapunov": (_lyapunov, False),
+    "low": (_low, True),
+    "high": (_high, True),
+    "shift": (_shift, False),
+    "state": (_state, False),
+    "time": (_time, False),
+    "duration": (_duration, False),
 }
-
-
-_OF_A_SPAN = (
-    "amplitude",
-    "speed",
-    "stick_fraction",
-    "peak_force",
-    "mean_force",
-    "low",
-    "high",
-    "shift",
-    "state",
-    "mean",
-    "time",
-    "duration",
-)
-_BEYOND_CYCLES = ("amplitude", "speed", "low", "high", "shift", "state", "mean")
-"""Measures that formulas have whatever a motion has settled on, or has not."""
+MEASURES = {
+    name: Named(said, *_SUMMED.get(name, (None, False)), one_period.RULES.get(name))
+    for name, said in MEASURABLE.items()
+}
 
 
 def known_for_a_time(system: System) -> bool:
@@ -236,14 +213,14 @@ def _named(system: System, measure: str) -> Named:
         "component": system.declaration.state,
         "contact": list(system.rubbing),
         "force": list(system.dry_contacts),
-    }.get(MEASURES[name].of, [])
+    }.get(MEASURES[name].said.of, [])
     opening = [c.name for c in system.declaration.contacts if c.opens]
-    unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
-    if of and (MEASURES[name].of == "quantity" or _of_formula(system, measure)):
+    unknown = of not in known and not (MEASURES[name].said.of == "contact" and of in opening)
+    if of and (MEASURES[name].said.of == "quantity" or _of_formula(system, measure)):
         remedy = "Declare it under 'outputs', and use its name"
         one_period.check_variable(of, f"measure.{name}", remedy)
         read_formula(system, of, f"measure.{name}")
-    elif of and unknown and MEASURES[name].of != "weight":
+    elif of and unknown and MEASURES[name].said.of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Use '{name}'"
         raise DeclarationError(f"measure.{name}", f"unknown quantity '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
@@ -264,11 +241,12 @@ def _named(system: System, measure: str) -> Named:
                     "Combine them into one contact, with the sum of the thresholds",
                 )
     one_period.check_period_measure(system, name, of)
-    if known_for_a_time(system) and name not in _OF_A_SPAN:
+    if known_for_a_time(system) and not MEASURES[name].said.of_a_span:
         raise DeclarationError(
             f"measure.{name}",
             f"the samples that drive {system.name} end, so no motion settles",
-            f"Use {', '.join(_OF_A_SPAN)}, or your own functions",
+            f"Use {', '.join(n for n, m in MEASURABLE.items() if m.of_a_span)}, or your own "
+            "functions",
         )
     return MEASURES[name]
 
@@ -322,7 +300,7 @@ def measured_again(
         still = (observed.outcome == Outcome.AT_REST.code) & m.startswith("harmonic")
         result[m][still] = 0.0
     system = problem.system
-    beyond = any(name in _BEYOND_CYCLES for _, name, _, _ in wanted)
+    beyond = any(MEASURABLE[name].of_any for _, name, _, _ in wanted)
     for i in np.flatnonzero(known if beyond else cycles) if wanted else ():
         begin = float(observed.time[i])
         with watching(time_limit, processor=True) as scope:
@@ -344,7 +322,7 @@ def measured_again(
                 continue
         repeats = observed.outcome[i] == Outcome.PERIODIC.code
         for m, name, rule, of in wanted:
-            suits = cycles[i] or name in _BEYOND_CYCLES
+            suits = cycles[i] or MEASURABLE[name].of_any
             if motion.outcome.ok and suits and (repeats or rule is not dissipated_by):
                 result[m][i] = rule(motion, of)
     return result

@@ -3,7 +3,8 @@ and all that is measured of outputs and formulas."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -54,6 +55,12 @@ def phase_to_drive(motion: Trajectory, of: str) -> float:
 def mean_value(motion: Trajectory, of: str) -> float:
     """Its mean."""
     return over_period.mean(motion, of or motion.system.declaration.state[0])[0]
+
+
+def root_mean_square(motion: Trajectory, of: str) -> float:
+    """The square root of the mean of its square."""
+    name = of or motion.system.declaration.state[0]
+    return math.sqrt(over_period.mean(motion, f"({name})**2")[0])
 
 
 def low(motion: Trajectory, of: str) -> float:
@@ -118,6 +125,24 @@ def cost_of_transport(motion: Trajectory, of: str) -> float:
     with suppress(DeclarationError):
         return energy_per_distance(motion, "") / weight(motion.system, of, motion.parameters)
     return np.nan
+
+
+RULES: Mapping[str, PeriodRule] = {
+    "amplitude": amplitude,
+    "speed": speed,
+    "low": low,
+    "high": high,
+    "shift": shift,
+    "state": state,
+    "mean": mean_value,
+    "rms": root_mean_square,
+    "harmonic": harmonic,
+    "phase": phase,
+    "relative_phase": phase_to_drive,
+    "energy_per_distance": energy_per_distance,
+    "cost_of_transport": cost_of_transport,
+}
+"""How measures are computed from the motion of a period, by name."""
 
 
 def check_variable(of: str, where: str, remedy: str) -> None:

@@ -33,7 +33,7 @@ def colour_scale(measure: str, values: Array) -> ColourScale:
         What sets the scale; what is not finite is left out.
     """
     known = MEASURES.get(measure.partition(":")[0])
-    least, most = (None, None) if known is None else (known.least, known.most)
+    least, most = (None, None) if known is None else (known.said.least, known.said.most)
     if least is not None and most is not None:
         return ColourScale(least, most, "round" if least < 0.0 else "one way")
     finite = values[np.isfinite(values)]
