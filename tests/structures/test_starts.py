@@ -193,6 +193,10 @@ def test_starts_that_make_no_sense_are_refused(
     free: dict[str, Any] = dict.fromkeys(names, (-1.0, 1.0))
     with pytest.raises(ss.DeclarationError, match=said):
         ss.fit_problem(system, data, free, initial=initial)
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.simulate(system, (0.0, 1.0), initial={**initial, **dict.fromkeys(names, 0.1)})
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.simulate(replace(system, initial={**initial, **dict.fromkeys(names, 0.1)}), (0.0, 1.0))
     if not initial and len(names) == 1:
         with pytest.raises(ss.DeclarationError, match=said):
             ss.simulate(system, (0.0, 1.0)).sensitivity(list(names), [1.0])

@@ -257,3 +257,19 @@ def test_where_nothing_moves_it_is_said() -> None:
     assert np.all(np.isnan(found["swept_amplitude"]))
     assert "no response" in str(found.summary())
     found.plot()
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        ("", "the formula is empty"),
+        ("5", "'5' does not depend on the motion"),
+        ("omega", "'omega' does not depend on the motion"),
+        ("t*x", r"'t\*x' is not periodic"),
+        ("x + t**2", "is not periodic"),
+        ("dissipated_energy", "'dissipated_energy' is not periodic"),
+    ],
+)
+def test_what_does_not_repeat_has_no_response(of: str, said: str) -> None:
+    with pytest.raises(DeclarationError, match=said):
+        frequency_response(jenkins(), "omega", SPAN, of=of)

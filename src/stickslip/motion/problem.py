@@ -260,6 +260,9 @@ class Problem:
         declaration = self.system.declaration
         given: Mapping[str, float] = initial
         if structures := self.system.written_structures:
+            # Values of a call replace declared ones; within each of the two they must not conflict.
+            for values in (self.system.initial, initial):
+                self.system.check_starts(values, "initial")
             given = start_of(structures, {**self.system.initial, **initial})
         for name, value in given.items():
             check_initial(declaration, name, value)

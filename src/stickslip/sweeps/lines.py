@@ -26,9 +26,9 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import derive
-from stickslip.errors import ConvergenceError, DeclarationError, suggestion
+from stickslip.errors import ConvergenceError, DeclarationError, short, suggestion
 from stickslip.kept import cached_property
-from stickslip.model.quantities import contact_key, described, described_as, quantity
+from stickslip.model.quantities import ENERGIES, contact_key, described, described_as, quantity
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.problem import pose
@@ -48,7 +48,9 @@ from stickslip.stopping.scopes import TimeUp, heed, limited
 from stickslip.sweeps.carried import carried, moved
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
+from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 if TYPE_CHECKING:
     import xarray
@@ -159,18 +161,37 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
     Raises
     ------
     DeclarationError
-        If it is neither a name nor a formula of what results show.
+        If it is neither a name nor a formula of what results show, or does not repeat with the
+        motion.
     """
-    of = of or _first(system)
+    of = _first(system) if of is None else of
     if of in system.followed:
         return system, of
-    read_formula(system, of, "of")
+    formula = read_formula(system, of, "of")
+    if not formula.symbols - system.parameters.keys():
+        reason = f"'{short(of)}' does not depend on the motion"
+        raise DeclarationError("of", reason, suggestion("", system.followed))
+    if formula.symbols & {*ENERGIES} - {"energy"} or _grows(formula):
+        raise DeclarationError(
+            "of",
+            f"'{short(of)}' is not periodic",
+            "Time may appear inside periodic functions; energies that add up may not appear",
+        )
     taken = {*system.outputs, *system.declaration.results.names}
     taken |= system.declaration.results.definitions.keys()
     name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
         return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
+
+
+def _grows(e: Expr) -> bool:
+    """Whether time appears in a formula outside of all functions."""
+    if e.op == "sym":
+        return e == ex.sym("t")
+    if e.op in FUNCTIONS:
+        return False
+    return any(_grows(part) for part in (*e.args, *(term for term, _ in e.terms)))
 
 
 def _first(system: System) -> str:
