@@ -220,3 +220,25 @@ def test_what_no_start_determines_is_refused() -> None:
     (at,) = np.flatnonzero(np.abs(k.time - 0.05) < 1e-12)
     state = dict(zip(system.declaration.state, k.state[at], strict=True))
     assert sum(w * state[x] for x, w in rate.items()) == pytest.approx(1.0, abs=1e-12)
+
+
+def free() -> ss.System:
+    body = ss.Structure(
+        np.diag([1.0, 2.0]),
+        [[3.0, -1.0], [-1.0, 2.0]],
+        ss.ModalDamping(0.02),
+        names={"root": 0, "tip": 1},
+    )
+    return ss.System("free", structures={"u": body})
+
+
+@pytest.mark.parametrize("of", ["1/u[tip]", "exp(1000*u[tip])", "u[tip]/(u[tip] - 0.1)"])
+def test_a_ring_down_does_not_pass_through_poles(of: str) -> None:
+    with pytest.raises(ss.DeclarationError, match="becomes undefined or infinite"):
+        ss.ring_down(free(), (0.0, 60.0), of=of, initial={"u_mode_1": 1.0})
+
+
+@pytest.mark.parametrize("of", ["1/u[tip]", "sqrt(u[tip])"])
+def test_a_backbone_needs_a_slope_at_rest(of: str) -> None:
+    with pytest.raises(ss.DeclarationError, match="no finite slope"):
+        ss.backbone(free(), (0.01, 0.02), of=of, points=2)

@@ -17,6 +17,8 @@ from stickslip.orbits.cycles.over_period import linear_form
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
+_LARGEST = 1e150  # its square is finite, as products of slopes have to be
+
 ValuesAndRates = Callable[[Array, AnyArray], tuple[Array, Array]]
 
 
@@ -60,14 +62,20 @@ class Swinging:
         names = _rates(motion.system)
         felt = sorted(self.value.symbols & names.keys())
         rate = ex.add(*((ex.derivative(self.value, x) * ex.sym(names[x]), 1.0) for x in felt))
-        formulas = Along(motion, [self.value, rate])
+        formulas = Along(motion, [self.value, rate, *_divisors(self.value)])
 
         def computed(clock: Array, index: AnyArray) -> tuple[Array, Array]:
             found = formulas.on_clock(clock, index)
-            if not np.all(np.isfinite(found)):
+            divisors = found[:, 2:]
+            # A divisor of both signs has been zero in between.
+            poles = np.any(divisors <= 0.0, axis=0) & np.any(divisors >= 0.0, axis=0)
+            # The slope of a cubic between two values has to be finite, too.
+            large = np.abs(found) > _LARGEST
+            if not np.all(np.isfinite(found)) or np.any(poles) or np.any(large):
                 raise DeclarationError(
                     "of",
-                    f"'{short(self.name)}', or its rate, becomes undefined during the motion",
+                    f"'{short(self.name)}', or its rate, becomes undefined or infinite during the "
+                    "motion",
                     "Choose a formula that is defined everywhere",
                 )
             return found[:, 0], found[:, 1]
@@ -80,7 +88,14 @@ class Swinging:
             return self.row
         slopes = [ex.derivative(self.value, x) for x in self.state]
         at = {**dict(zip(self.state, map(float, state), strict=True)), **parameters}
-        return evaluated(slopes, at, 1)[:, 0]
+        found = evaluated(slopes, at, 1)[:, 0]
+        if not np.all(np.isfinite(found)):
+            raise DeclarationError(
+                "of",
+                f"'{short(self.name)}' has no finite slope in the middle of small oscillations",
+                "Choose a formula that is smooth there",
+            )
+        return found
 
 
 def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -> Swinging:
@@ -127,6 +142,13 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
     for x, weight in form.weights.items():
         row[declared.places[x]] = slope[declared.places[f"d_{x}"]] = weight
     return Swinging(name, formula, state, row, slope, ex.evaluate(form.rest, values))
+
+
+def _divisors(formula: Expr) -> list[Expr]:
+    """What a formula divides by, where that is not constant."""
+    products = [e for e in ex.walk([formula]) if e.op == "prod"]
+    bases = (base for e in products for base, power in e.terms if power < 0.0 and base.symbols)
+    return list(dict.fromkeys(bases))
 
 
 def _rates(system: System) -> dict[str, str]:
