@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 import tomllib
@@ -45,8 +46,15 @@ def test_they_select(conftest: ModuleType) -> None:
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-n", "0"]
     options = ["-p", "no:cacheprovider", "-m", f"not ({marks})"]
     places = [str(path) for path in (*files, Path(__file__))]
+    # Options of the run that this test belongs to would change what is printed.
+    environment = {name: x for name, x in os.environ.items() if name != "PYTEST_ADDOPTS"}
     ran = subprocess.run(
-        [*command, *options, *places], cwd=ROOT, capture_output=True, text=True, encoding="utf-8"
+        [*command, *options, *places],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
     )
     collected = {line.partition("::")[0] for line in ran.stdout.splitlines() if "::" in line}
     assert collected == {"tests/test_marks.py"}, ran.stdout + ran.stderr

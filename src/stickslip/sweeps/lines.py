@@ -168,9 +168,6 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
     if of in system.followed:
         return system, of
     formula = read_formula(system, of, "of")
-    if not formula.symbols - system.parameters.keys():
-        reason = f"'{short(of)}' does not depend on the motion"
-        raise DeclarationError("of", reason, suggestion("", system.followed))
     if formula.symbols & {*ENERGIES} - {"energy"} or _grows(formula):
         raise DeclarationError(
             "of",
