@@ -289,7 +289,8 @@ class System:
         Raises
         ------
         DeclarationError
-            If there is no such degree of freedom, or it is not a coordinate of a reduced structure.
+            If there is no such degree of freedom, or a reduced structure does not keep it as a
+            coordinate.
         """
         if name in self.declaration.places:
             return {name: 1.0}
