@@ -16,7 +16,7 @@ from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.results import Completion, Ended
 from stickslip.sweeps.request import measures
 from stickslip.symbolic import formulas
-from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.functions import FUNCTIONS, language
 from stickslip.symbolic.pieces import STRUCTURES
 
 MEANINGS = {
@@ -61,8 +61,7 @@ def _formulas() -> str:
             markdown.code(row.shown or row.derivative) if row.derivative else "",
             "everywhere" if row.domain == (-math.inf, math.inf) else _interval(row.domain),
         ]
-        for row in FUNCTIONS.values()
-        if not row.typed
+        for row in map(FUNCTIONS.__getitem__, language())
     ]
     pieces = []
     for name, row in STRUCTURES.items():

@@ -7,6 +7,7 @@ import math
 import time
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -349,6 +350,29 @@ def test_time_runs_out_after_a_finalizer() -> None:
         del slow
         while True:
             pass
+
+
+def test_time_runs_out_after_the_hook_of_what_is_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes its time to write the traceback, and must end."""
+    told = []
+
+    def hook(ignored: object) -> None:
+        start = time.process_time()
+        while time.process_time() - start < 0.1:
+            pass
+        told.append(ignored)
+
+    class Raising:
+        def __del__(self) -> None:
+            raise ValueError("ignored")
+
+    monkeypatch.setattr("sys.unraisablehook", partial(hook))
+    with pytest.raises(OutOfTime), at_most(0.02):
+        raising = Raising()
+        del raising
+        while True:
+            pass
+    assert len(told) == 1
 
 
 @pytest.mark.parametrize("inner", [0.02, 10.0])

@@ -5,10 +5,12 @@ from __future__ import annotations
 import gc
 import inspect
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -46,11 +48,14 @@ class OutOfTime(Exception):
     """A computation took too long to wait for."""
 
 
-def _collects(frame: FrameType | None) -> bool:
-    """Whether a callback of the garbage collector is under way, which ignores what is raised."""
-    callbacks = {getattr(callback, "__code__", None) for callback in gc.callbacks}
+def _ignores(frame: FrameType | None) -> bool:
+    """Whether a callback of the garbage collector is under way, or the hook that is told what was
+    raised there: both ignore what is raised."""
+    hook = sys.unraisablehook
+    callbacks = [*gc.callbacks, hook.func if isinstance(hook, partial) else hook]
+    codes = {getattr(callback, "__code__", None) for callback in callbacks}
     while frame is not None:
-        if frame.f_code in callbacks:
+        if frame.f_code in codes:
             return True
         frame = frame.f_back
     return False
@@ -64,7 +69,7 @@ def at_most(seconds: float) -> Iterator[None]:
     own = inspect.currentframe()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if frame is not own and not _collects(frame):
+        if frame is not own and not _ignores(frame):
             raise OutOfTime(f"no answer within {seconds:g} s")
 
     before = signal.signal(signal.SIGPROF, stop)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.evaluator import evaluator
-from stickslip.symbolic.formulas import Scope
+from stickslip.symbolic.formulas import Scope, builtins
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 from stickslip.symbolic.majorants import growth
 
@@ -401,3 +402,23 @@ def test_nothing_else_knows_a_function_by_name() -> None:
     assert dispatches(ast.parse("if op in ('sum', 'tanh'): pass"))
     assert dispatches(ast.parse("match op:\n    case 'erf': pass"))
     assert dispatches(ast.parse("{'log': 1}"))
+
+
+def test_rows_of_samples_are_freed_while_names_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The garbage collector frees them at any moment."""
+
+    class Collecting(Function):
+        """A row with which a collection comes."""
+
+        def __getattribute__(self, name: str) -> Any:
+            if name == "typed":
+                FUNCTIONS.pop("freed", None)
+            return super().__getattribute__(name)
+
+    sine = FUNCTIONS["sin"]
+    monkeypatch.setitem(FUNCTIONS, "freed", replace(sine, name="freed", typed="freed(x)"))
+    collecting = Collecting(name="collecting", value=math.sin, derivative="cos(x)")
+    monkeypatch.setitem(FUNCTIONS, "collecting", collecting)
+    FUNCTIONS["freed"] = FUNCTIONS.pop("freed")  # behind the other
+    assert builtins()["sin"] == 1
+    assert "freed" not in FUNCTIONS

@@ -227,7 +227,7 @@ def code_of(assembly: str, name: str) -> Code:
             declared = [line for line in assembly.splitlines() if line.startswith("declare")]
             called = [line[line.index("@") + 1 : line.index("(")] for line in declared]
             find_functions(called)
-            needed = [_provided[name] for name in called if name in _provided]
+            needed = [found for name in called if (found := _provided.get(name)) is not None]
             code = _kept[assembly] = loaded([made], needed)
         if code.lasting:
             _recent.append(code)

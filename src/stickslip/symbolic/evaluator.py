@@ -118,7 +118,7 @@ def _compiled(
     results = [written.of(values[e]) for e in expressions]
     lines = written.lines + [f"out[{i}] = {text}" for i, text in enumerate(results)]
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
-    called = {e.op for e in ex.walk(expressions)} & FUNCTIONS.keys()
+    called = {e.op for e in ex.walk(expressions) if e.op in FUNCTIONS}
     space: dict[str, Any] = {**operations, **{name: function(FUNCTIONS[name]) for name in called}}
     exec(compile(source, "<generated>", "exec"), space)
     return space["fill"]

@@ -24,7 +24,7 @@ from typing import Any, TypeGuard
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.functions import language
 from stickslip.symbolic.pieces import STRUCTURES
 
 _PARSER = threading.Lock()
@@ -76,8 +76,7 @@ def builtins() -> dict[str, int | None]:
     """The functions of the language with the number of their arguments (None: at least one): those
     of the table, and those that are made of others."""
     made = {name: None if s.several else len(s.arguments) for name, s in STRUCTURES.items()}
-    rows = {name: 1 for name, row in FUNCTIONS.items() if not row.typed}
-    return made | rows | {"piecewise": None}
+    return made | dict.fromkeys(language(), 1) | {"piecewise": None}
 
 
 class TimeFunction(ABC):

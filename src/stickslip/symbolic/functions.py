@@ -447,4 +447,11 @@ FUNCTIONS: dict[str, Function] = {
         ),
     )
 }
-"""The functions by name."""
+"""All functions by name. Those of samples and tables are added when they are used and removed when
+they are freed, at any moment: iterate over a copy of the names, ``tuple(FUNCTIONS)``."""
+
+
+def language() -> list[str]:
+    """Names of the functions that a formula may call."""
+    rows = ((name, FUNCTIONS.get(name)) for name in tuple(FUNCTIONS))
+    return [name for name, row in rows if row is not None and not row.typed]
