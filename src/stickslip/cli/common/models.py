@@ -136,6 +136,11 @@ def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
     return {name: float(value) for name, value in given.items()}
 
 
+def given(initial: Iterable[str] | None) -> dict[str, float] | None:
+    """Initial values of ``--initial``; None if there are none."""
+    return numbers(assignments(initial or [], "--initial"), "--initial") or None
+
+
 def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]]:
     """Read NAME=LOW:HIGH; both numbers may be fractions."""
     texts = list(texts)
