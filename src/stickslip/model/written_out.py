@@ -259,6 +259,23 @@ class _WrittenOut:
 
         where = entry_key("contacts", name)
         law = by_name(contact.law, f"{where}.law")
+        self.check_values(where, contact, law)
+        known = law.known()
+        key = key_of(name)
+        words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
+        signatures = {text: parse_signature(text, text)[0] for text in law.functions}
+        words |= {own: f"{own}_{key}" for own in signatures.values()}
+        words |= {"u": f"u_{key}"}
+        slopes = self.slopes(contact, where)
+        if law.stiffness:
+            self.sliders(name, contact, law, words, slopes)
+        elif law.points:
+            self.measured(name, contact, law, words)
+        else:
+            self.single(name, contact, law, words, slopes)
+
+    def check_values(self, where: str, contact: LawContact, law: FrictionLaw) -> None:
+        """Refuse parameters that the law does not have, needs, or cannot have."""
         known = law.known()
         for given in contact.values:
             if given not in known and not (law.points and given in _OF_CURVES):
@@ -283,19 +300,18 @@ class _WrittenOut:
                     "Use a law with a threshold, such as 'stribeck', or give the normal force "
                     "as a formula of time and state",
                 )
-        key = key_of(name)
-        words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
-        signatures = {text: parse_signature(text, text)[0] for text in law.functions}
-        words |= {own: f"{own}_{key}" for own in signatures.values()}
-        words |= {"u": f"u_{key}"}
-        slopes = self.slopes(contact, where)
-        if law.stiffness:
-            self.sliders(name, contact, law, words, slopes)
-            return
-        if law.points:
-            self.measured(name, contact, law, words)
-            return
-        for own, parameter in known.items():
+
+    def single(
+        self,
+        name: str,
+        contact: LawContact,
+        law: FrictionLaw,
+        words: dict[str, str],
+        slopes: Mapping[str, str],
+    ) -> None:
+        """A law of one element: a threshold, or a force that depends on internal variables."""
+        where = entry_key("contacts", name)
+        for own, parameter in law.known().items():
             value = contact.values.get(own, parameter.default)
             if self.is_pressed(value):
                 words[own] = f"({value})"  # no function may use a normal force
@@ -311,7 +327,19 @@ class _WrittenOut:
                 _renamed(law.kinetic, words) if law.kinetic else None,
                 contact.unit,
             )
-            return
+        else:
+            self.act(self.internal_force(name, contact, law, words, slopes), law, slopes, where)
+
+    def internal_force(
+        self,
+        name: str,
+        contact: LawContact,
+        law: FrictionLaw,
+        words: dict[str, str],
+        slopes: Mapping[str, str],
+    ) -> str:
+        """The name of the function that is the force of a law with internal variables."""
+        where = entry_key("contacts", name)
         velocity = f"{contact.direction} - ({contact.surface_speed})"
         velocity = contact.direction if contact.surface_speed == 0.0 else velocity
         self.take(self.functions, words["u"], velocity, where)
@@ -324,8 +352,12 @@ class _WrittenOut:
             self.origins[f"internal.{words[own]}"] = where
             if own in law.start:
                 self.initial.setdefault(words[own], self.number(law.start[own], words, where))
-        force = f"force_{key}"
+        force = f"force_{key_of(name)}"
         self.take(self.functions, force, _renamed(law.force, words), where)
+        return force
+
+    def act(self, force: str, law: FrictionLaw, slopes: Mapping[str, str], where: str) -> None:
+        """Let a force act along a direction; on a coordinate without mass it is a drag."""
         massless = [
             x for x in slopes if not is_entry(x) and self.coordinates[x].kind == Kind.VISCOUS
         ]

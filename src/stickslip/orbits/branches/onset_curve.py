@@ -27,9 +27,9 @@ from stickslip.orbits.branches.chart import (
     first_chart,
     renewed,
 )
+from stickslip.orbits.branches.cycles_along import Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
-from stickslip.orbits.branches.special_points import Spacing, dataset, of_branch
 from stickslip.orbits.continuation.arclength import NOT_DEFINED
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
