@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from enum import Enum
 from html import escape
 from pathlib import Path
@@ -165,6 +165,45 @@ class Described(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Part:
+    """How a field of a result, or several together, are written into a file and read again.
+
+    Attributes
+    ----------
+    write : callable
+        Of the value: a text, or data for JSON.
+    read : callable
+        Of that as a text, and of the name of the file for messages: the value.
+    fields : tuple of str
+        The fields that are written together, as a list; empty if the part has the name of its
+        only field.
+    """
+
+    write: Callable[[Any], Any]
+    read: Callable[[str, str], Any]
+    fields: tuple[str, ...] = ()
+
+    def of(self, field: str) -> Part:
+        """The same for a field of another name than the part."""
+        return Part(lambda own: self.write(own[0]), lambda *text: [self.read(*text)], (field,))
+
+    def written(self, name: str, result: Result) -> Any:
+        """What is written of a result under the name of the part."""
+        values = [getattr(result, field) for field in self.fields]
+        return self.write(values if self.fields else getattr(result, name))
+
+    def fields_of(self, name: str, text: str, where: str) -> dict[str, Any]:
+        """The fields of a result, from what was written under the name of the part."""
+        value = self.read(text, where)
+        return dict(zip(self.fields, value, strict=True)) if self.fields else {name: value}
+
+
+def together(*fields: str) -> Part:
+    """Several fields in one list."""
+    return Part(list, lambda text, where: json.loads(text), fields)
+
+
 class Result:
     """What every result can do; ``result["x"]`` is a variable of its dataset.
 
@@ -172,10 +211,19 @@ class Result:
     ----------
     KIND, FORMAT
         Name of the kind and number of the format in files.
+    PARTS
+        What a file contains besides the dataset: by name, how the fields are written and read.
     """
 
     KIND: ClassVar[str]
     FORMAT: ClassVar[int] = 1
+    PARTS: ClassVar[Mapping[str, Part]] = {}
+
+    @property
+    def title(self) -> str:
+        """Title of the system."""
+        system: System = cast(Any, self).system
+        return system.title or system.name
 
     @property
     def along(self) -> str:
@@ -312,8 +360,9 @@ class Result:
         return page.whole(page.drawn(self.plot), summary, page.folded("parameters", values))
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """Data and other parts of a file: by default the data is all there is."""
-        return self._said.dataset, {}
+        """Data and other parts of a file."""
+        parts = {name: part.written(name, self) for name, part in self.PARTS.items()}
+        return self._said.dataset, parts
 
     def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """What of that is needed to make it again: by default all."""
@@ -327,8 +376,18 @@ class Result:
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A result from the data and the other parts of a file, as texts."""
-        raise NotImplementedError
+        """A result from the data and the other parts of a file, as texts. A field that files of
+        older versions do not contain has its default."""
+        values = cls.fields_of(data)
+        for name, part in cls.PARTS.items():
+            if name in parts:
+                values |= part.fields_of(name, parts[name], where)
+        return cls(**values)
+
+    @classmethod
+    def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
+        """The fields whose values are the data of a file."""
+        return {"dataset": data}
 
 
 def _remade(kind: type[Result], data: xarray.Dataset, parts: Mapping[str, str]) -> Result:
@@ -400,6 +459,13 @@ def restored_residuals(entries: Iterable[Mapping[str, Any]]) -> tuple[Residual, 
         )
         for entry in entries
     )
+
+
+TEXT = Part(str, lambda text, where: text)
+PLAIN = Part(lambda value: value, lambda text, where: json.loads(text))
+ITEMS = Part(list, lambda text, where: tuple(json.loads(text)))
+COMPLETION = Part(lambda end: end.code, lambda text, where: Completion.from_code(int(text)))
+CERTIFICATE = Part(asdict, lambda text, where: restored_certificate(json.loads(text)))
 
 
 def _in_lines(text: str) -> page.Html:

@@ -274,11 +274,6 @@ class Cycle(Result):
         return self.trajectory.audit.shares
 
     @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
-
-    @property
     def dataset(self) -> xarray.Dataset:
         """One period."""
         return self.trajectory.dataset
