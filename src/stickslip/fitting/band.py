@@ -22,7 +22,8 @@ from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.sensitivities.cycle import cycle_sensitivity
 from stickslip.progress import watched
 from stickslip.results import Completion, Result, shortened

@@ -13,8 +13,8 @@ from stickslip.model.entries.checks import check_slopes, size_of_terms
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.entries.units import check_unit
+from stickslip.model.formats.expected import PLANAR, entry_key
 from stickslip.model.names import parse_range
-from stickslip.model.schema import PLANAR, entry_key
 from stickslip.model.system import Contact, Side, Unilateral
 from stickslip.numerics.levels import BODIES_OVERLAP, COMPUTED_ZERO, TINIEST
 from stickslip.symbolic import expressions as ex

@@ -16,7 +16,7 @@ from typing import Any
 
 from stickslip.arguments import validated
 from stickslip.errors import DeclarationError
-from stickslip.model import toml
+from stickslip.model.formats import toml
 from stickslip.model.system import (
     Bilateral,
     Condition,

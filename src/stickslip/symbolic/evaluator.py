@@ -19,8 +19,7 @@ from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, Function
-from stickslip.symbolic.scalars import Scalar, element
-from stickslip.symbolic.tape import scalars_of
+from stickslip.symbolic.scalars import Scalar, element, scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
 

@@ -13,7 +13,7 @@ import typer
 from stickslip import __version__
 from stickslip.certificates import Certificate, Residual
 from stickslip.cli.common.models import settings_of
-from stickslip.cli.common.present import Files, Output, ShowProgress, present
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.model.names import measured_drives
@@ -47,7 +47,9 @@ EvolutionOptions = Annotated[
 ]
 
 
-def average_command(file: File, settings: EvolutionOptions = None, *, output: Output) -> None:
+def average_command(
+    file: File, settings: EvolutionOptions = None, *, output: ResultOptions
+) -> None:
     """Average oscillating friction: the effective friction, and the phases at which motion occurs.
 
     Writes summary.json and overview.png into the folder DIR.
@@ -76,7 +78,7 @@ def evolve_command(
         bool, typer.Option("--averaged", help="Compute the limit of fast oscillations.")
     ] = False,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Compute, certify and store a rate-independent evolution.
 

@@ -9,7 +9,7 @@ import typer
 
 from stickslip.cli.common.models import assignments, load_model, numbers, settings_of
 from stickslip.cli.common.options import Model, ParameterOptions
-from stickslip.cli.common.present import Files, Output, ShowProgress, present
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError, suggestion
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def fit_command(
     ] = "",
     starts: Annotated[int, typer.Option("--starts", help="Number of starts.")] = 8,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Fit parameters of a system to data, with confidence intervals.
 

@@ -21,7 +21,7 @@ from stickslip.cli.common.options import (
     Until,
     quantity_of,
 )
-from stickslip.cli.common.present import Files, Output, ShowProgress, present
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
 from stickslip.storage import named
@@ -45,7 +45,7 @@ def run_command(
     rtol: Accuracy = 1e-10,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Compute, certify and store a motion.
 
@@ -75,7 +75,7 @@ def events_command(
         typer.Option("--faster-than", metavar="RATE", help="Rate above which an event is counted."),
     ] = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """List the slip events of a stored motion: start, duration, size, energy.
 
@@ -99,7 +99,9 @@ def events_command(
     present("events", motion.system.name, EVENT_FILES, work, output)
 
 
-def equilibria_command(model: Model, settings: ParameterOptions = None, *, output: Output) -> None:
+def equilibria_command(
+    model: Model, settings: ParameterOptions = None, *, output: ResultOptions
+) -> None:
     """Find the states of rest and of steady sliding, and their stability.
 
     Writes equilibria.nc, equilibria.csv, summary.json and overview.png into the folder DIR.
@@ -124,7 +126,7 @@ def cycle_command(
     until: Until = None,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Find the cycle or gait on which the motion from the initial state settles.
 
@@ -162,7 +164,7 @@ def branch_command(
     ] = False,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Follow an equilibrium (or a cycle) over a parameter, and report special points.
 
@@ -237,7 +239,7 @@ def response_command(
     initial: Initial = None,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Follow the response to a drive over its frequency: amplitude, phase and stability.
 
@@ -306,7 +308,7 @@ def ring_down_command(
     rtol: Accuracy = 1e-10,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Analyse a decaying vibration: amplitude, frequency and damping of every half-cycle.
 
@@ -354,7 +356,7 @@ def backbone_command(
     settings: ParameterOptions = None,
     time_limit: TimeLimit = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Find the frequency and damping of a mode over its amplitude, without a drive.
 
@@ -401,7 +403,7 @@ def basin_command(
     until: Until = None,
     time_limit: TimeLimitOfEach = None,
     *,
-    output: Output,
+    output: ResultOptions,
 ) -> None:
     """Compute which attractor each of many initial states reaches.
 

@@ -22,7 +22,7 @@ from stickslip.cli.common.options import (
     TimeLimitOfEach,
     Workers,
 )
-from stickslip.cli.common.present import Files, Output, ShowProgress, folder_of, present
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, folder_of, present
 from stickslip.cli.common.report import print_summary
 from stickslip.errors import DeclarationError, short
 
@@ -182,7 +182,7 @@ def records_command(
     if not json_:
         print_summary(found.summary(), more=[("written", str(path))])
     beside = path.with_name(f"{path.stem}-fragility")
-    present("fragility", system.name, FRAGILITY, fragility, Output(beside, json_))
+    present("fragility", system.name, FRAGILITY, fragility, ResultOptions(beside, json_))
 
 
 def _axes(records: Records, scale: str | None, over: list[str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from stickslip import catalogue, load
 from stickslip.errors import DeclarationError, short
-from stickslip.model import toml
+from stickslip.model.formats import toml
 from stickslip.model.names import measured_drives
 from stickslip.model.system import DefaultSpan, Drive, Formula, System
 from stickslip.structures.names import is_entry

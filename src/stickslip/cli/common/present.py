@@ -80,7 +80,7 @@ class Files:
 
 
 @dataclass(frozen=True)
-class Output:
+class ResultOptions:
     """Where results are written, and how the summary is printed."""
 
     out: Out = None
@@ -92,7 +92,7 @@ def present(
     name: str,
     files: Files,
     work: Callable[[ShowProgress], Shown],
-    output: Output,
+    output: ResultOptions,
     heading: Mapping[str, Any] | None = None,
 ) -> NoReturn:
     """Do the work, write its results together, draw them, print them, and end with the exit code

@@ -10,9 +10,9 @@ from stickslip import catalogue
 from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
 from stickslip.explorer.asking.request import PageSetting
+from stickslip.model.formats.toml import parse
 from stickslip.model.system import System
 from stickslip.model.system_file import loads
-from stickslip.model.toml import parse
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
@@ -82,7 +82,7 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
     StickslipError
         If there is none.
     """
-    from stickslip.orbits.cycles.cycle import find_cycle
+    from stickslip.orbits.cycles.find_cycle import find_cycle
 
     system, numbers = system_of(setting)
     motion = shown_motion(setting, patience)

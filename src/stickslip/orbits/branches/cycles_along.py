@@ -12,7 +12,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
-from stickslip.orbits.continuation.arclength import Lost
+from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.path import in_range, ranges
 
 if TYPE_CHECKING:

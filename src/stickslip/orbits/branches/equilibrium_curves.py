@@ -25,8 +25,8 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
-from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
+from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,

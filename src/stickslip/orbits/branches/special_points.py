@@ -17,9 +17,10 @@ from stickslip.numerics.levels import BRACKET_LOOKS
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.branches.onset import nearest_onset
-from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, direction
+from stickslip.orbits.continuation.arclength import direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.continuation.corrector import NOT_DEFINED, Lost
 from stickslip.orbits.continuation.path import Break, Crossing, Path, Point
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 

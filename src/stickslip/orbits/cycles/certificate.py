@@ -21,8 +21,9 @@ from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.engine.tables import TOGETHER
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
+from stickslip.orbits.return_map.following import arrivals, follow_state
 from stickslip.orbits.return_map.mode_sequence import sequence
-from stickslip.orbits.return_map.shooting import arrivals, follow_state, parameter_values
+from stickslip.orbits.return_map.shooting import parameter_values
 
 # least range of a cycle, relative to the state: below, its size is not known to the tolerance
 _MOVES = 1e-7

@@ -24,15 +24,10 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings
 from stickslip.orbits.return_map.damped_newton import Closed, converge
 from stickslip.orbits.return_map.families import check_isolated
+from stickslip.orbits.return_map.following import follow_state
 from stickslip.orbits.return_map.held import Held, held_positions
-from stickslip.orbits.return_map.shooting import (
-    Setting,
-    Shooting,
-    follow_state,
-    make_station,
-    parameter_values,
-    with_value,
-)
+from stickslip.orbits.return_map.shooting import Setting, Shooting, parameter_values, with_value
+from stickslip.orbits.return_map.stations import make_station
 
 _SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
 _INSIDE = 0.3  # … and to the distance from the next switching boundary

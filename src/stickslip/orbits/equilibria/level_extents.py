@@ -14,15 +14,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.numerics.levels import LAST_DIGITS
-from stickslip.orbits.equilibria.level_sets import (
-    FURTHEST,
-    MOST_CORNERED,
-    Components,
-    Enclosures,
-    centres,
-    enclosed,
-    times_way,
-)
+from stickslip.orbits.equilibria.box_bounds import Enclosures, centres, enclosed, times_way
+from stickslip.orbits.equilibria.level_sets import FURTHEST, MOST_CORNERED, Components
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures
 from stickslip.symbolic.expressions import Expr

@@ -32,8 +32,7 @@ from stickslip.orbits.fields.engine.interpreter import (
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, element
-from stickslip.symbolic.tape import scalars_of
+from stickslip.symbolic.scalars import Scalar, element, scalars_of
 
 
 class Listing:

@@ -13,17 +13,12 @@ from stickslip.kept import cached_property
 from stickslip.motion.problem import Problem
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.return_map.following import follow_state
 from stickslip.orbits.return_map.held import held_positions, same_held
 from stickslip.orbits.return_map.multipliers import Spectrum, spectrum
 from stickslip.orbits.return_map.recurrence import Recurrence, Window, segments, sizes_of
-from stickslip.orbits.return_map.shooting import (
-    Orbit,
-    Setting,
-    Shooting,
-    follow_state,
-    make_station,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Orbit, Setting, Shooting, parameter_values
+from stickslip.orbits.return_map.stations import make_station
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

@@ -13,7 +13,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed
-from stickslip.orbits.return_map.shooting import Orbit, flies
+from stickslip.orbits.return_map.following import flies
+from stickslip.orbits.return_map.shooting import Orbit
 
 
 @dataclass(frozen=True)
