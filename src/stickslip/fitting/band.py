@@ -285,6 +285,7 @@ def _moved_by(
     for variance, axis in zip(variances, axes.T, strict=True):
         if variance <= _NEGLIGIBLE * variances[-1]:
             continue
+        # Along the principal axes of the covariance the changes are independent: variances add up.
         step = _BESIDE * np.sqrt(variance) * axis
         ends = [
             _again(branch, point, start, dict(zip(free, estimate + s * step, strict=True)), width)

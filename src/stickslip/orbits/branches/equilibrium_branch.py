@@ -347,6 +347,7 @@ class _Follower:
         F, J = other.residual(self.parameter)(end.x)
         size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
         rows = ratio(J, np.max(np.abs(J), axis=1, keepdims=True))
+        # The null vector of the Jacobian is the tangent of the equilibria in the other field.
         s, v = np.linalg.svd(rows)[1:]
         if not (np.all(np.abs(F) <= NEARLY_SOLVED * size) and s[-1] > RANK * s[0]):
             return None
@@ -510,6 +511,7 @@ class _Follower:
             equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values
         )
         _, slopes = steady.residual(self.parameter)(x)
+        # w starts as the left singular vector of ∂F with the least singular value, b as 0.
         z: Array = np.concatenate([x, np.linalg.svd(slopes)[0][:, -1], [0.0]])
         units = self._scale(x, steady.units(x, {self.parameter: self.span}))
         for _ in range(20):
@@ -520,6 +522,7 @@ class _Follower:
             return x, math.inf
         values, slopes = residual(z)
         terms = np.abs(slopes) @ np.concatenate([units, np.ones(n), [0.0]]) + np.abs(values)
+        # At a branch point b = 0.
         left = np.append(np.abs(values) / np.where(terms > 0.0, terms, 1.0), abs(z[-1]))
         return z[: n + 1], float(np.max(left))
 

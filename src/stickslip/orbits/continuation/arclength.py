@@ -105,6 +105,7 @@ def direction(
     rows[:] = ratio(rows, np.abs(rows).max(axis=1, keepdims=True))
     tangent = np.linalg.svd(rows)[2][-1]
     tangent = tangent if tangent @ towards >= 0.0 else -tangent
+    # The orientation is the sign of the determinant of the Jacobian bordered by the tangent.
     matrix[-1] = tangent
     return tangent, float(np.linalg.slogdet(matrix)[0])
 

@@ -67,6 +67,7 @@ def correct(
     last = np.inf
     for _ in range(12):
         try:
+            # The last equation keeps the step in the plane through the guess across the tangent.
             right[:-1], J = equations(x)
             np.multiply(J, scale, out=matrix[:-1])
             right[-1] = tangent @ ((x - guess) / scale)

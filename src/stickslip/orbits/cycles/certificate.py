@@ -115,6 +115,7 @@ def _neighbours(closed: Closed) -> Residual:
         q = leg.place.directions.shape[1]
         if q:
             matrix = there.chart @ leg.change.matrix[: len(closed.orbit.shift), :q]
+            # The right singular vector of the largest singular value grows most.
             directions = [np.linalg.svd(matrix)[2][0], *([_another(q)] if q > 1 else [])]
             found += [_along(closed, j, matrix, d / np.linalg.norm(d)) for d in directions]
     return max(

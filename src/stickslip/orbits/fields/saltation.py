@@ -308,6 +308,8 @@ def _in_turn(
             if _meets(left, [i for i in near if i != c], (t, y, p), found):
                 return none._replace(why=_CHANGES)
             gap = left.gap(c, t, y, p)
+            # A neighbour arrives later by −δg/ġ, and moves at the rates before in between instead
+            # of those after.
             fall = gap[1] + float(gap[2 : 2 + n] @ rates)
             y = found.after
             energies = _energies(equations, left, near, (t, y, p))
@@ -359,6 +361,7 @@ def _meets(
             continue
         change = after[2:] @ full - before[2:]
         if len(bounds):
+            # No admissible neighbour differs in a combination of the constraints.
             change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
         if float(np.max(np.abs(change))) > _APART * size:
             return True
@@ -383,6 +386,7 @@ def _energies(
     for c in near:
         u = piece.velocity(c, *at)
         J = u[2:][moving]
+        # The square of the approach times the effective mass of the contact, 1/(J M⁻¹ Jᵀ).
         approach = min(float(u[0]), 0.0)
         found[c] = approach**2 / float(J @ np.linalg.solve(M, J))
     return found

@@ -126,12 +126,14 @@ def _shortened(
 ) -> Orbit | None:
     """The first of the shortened steps that closes better; None if there is none."""
     miss = np.linalg.norm(orbit.F)
+    # At first no unknown changes by more than its unit, and the period by at most 0.3 of its unit.
     part = min(1.0, ratio(1.0, np.max(np.abs(step))), ratio(0.3, abs(step[shooting.time])))
     for _ in range(tries):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
         except StickslipError:
             trial = None
+        # Armijo's condition: at least a quarter of the decrease that the linear model predicts.
         if trial is not None and np.linalg.norm(trial.F) <= (1.0 - 0.25 * part) * miss:
             return trial
         part *= 0.5

@@ -387,6 +387,7 @@ class Shooting:
         F[rows] = there.chart @ (end - there.origin) - x[rows]
         J[rows, own] += M[:, :q]
         J[rows, rows] -= np.eye(rows.stop - rows.start)
+        # A longer period moves the end along the rates there, and starts the leg later.
         J[rows, self.time] += leg.end * (there.chart @ leg.rate) + leg.begin * M[:, q]
         if self.free:
             J[rows, -1] += M[:, -1]

@@ -115,6 +115,7 @@ class Amplitudes:
         by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
         size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
         size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
+        # Positions and velocities of a mode are a quarter of a period apart.
         share = np.hypot(by_place, by_rate)
         if not share > COMPUTED_ZERO * size:
             raise DeclarationError(

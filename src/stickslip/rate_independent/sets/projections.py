@@ -54,6 +54,7 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
         free = held == 0
         y = np.where(held < 0, lower, upper)
         if free.any():
+            # With the other components at their bounds, the force on the free ones vanishes.
             pull = (M[free] @ xi) - M[np.ix_(free, ~free)] @ y[~free]
             y[free] = cho_solve(cho_factor(M[np.ix_(free, free)]), pull)
         force = M @ (xi - y)
@@ -111,6 +112,7 @@ def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
         u[open_] = v = load[open_] / shifted
         square = np.square(v).sum(axis=1)
         length = np.sqrt(square)
+        # since d|u|/dλ = −Σ (uᵢ²/(bᵢ + λ))/|u|
         step = (length - 1.0) * square / (np.square(v) / shifted).sum(axis=1)
         multiplier[open_] += np.maximum(step, 0.0)
         open_ = open_[(step > _NO_STEP * multiplier[open_]) & (length - 1.0 > _ON_SPHERE)]
