@@ -1,8 +1,8 @@
 """What public functions return: data, how it ended, what is proved of it, a picture, a file.
 
-A kind of result says what it holds (:class:`Described`); everything that can be made of that is
-made here, once: the summary of the command line and of ``summary.json``, the face in a notebook,
-files, and pictures of quantities.
+A kind of result describes itself (:class:`Described`); everything that follows is here: the summary
+of the command line and of ``summary.json``, the display in a notebook, files, and pictures of
+quantities.
 """
 
 from __future__ import annotations
@@ -89,11 +89,11 @@ class Summary:
     ----------
     title : str
     rows : tuple of (str, str)
-        What is said, and its name.
+        Labels and texts.
     data : dict
         The same and more as plain data: what ``summary.json`` holds.
     good : bool
-        Whether it came to its end and is certified.
+        Whether the computation is complete and certified.
     """
 
     title: str
@@ -120,11 +120,11 @@ class Summary:
 
 
 class Described(Protocol):
-    """What a kind of result has to say of itself."""
+    """What each kind of result implements."""
 
     @property
     def title(self) -> str:
-        """Of what it is a result."""
+        """Title of the result."""
         ...
 
     @property
@@ -149,7 +149,7 @@ class Described(Protocol):
 
     @property
     def certificate(self) -> Certificate:
-        """What was measured of it, and the verdict."""
+        """Residuals with their limits, and the verdict."""
         ...
 
     def facts(self) -> dict[str, Any]:
@@ -205,7 +205,7 @@ def together(*fields: str) -> Part:
 
 
 class Result:
-    """What every result can do; ``result["x"]`` is a variable of its dataset.
+    """Base class of all results; ``result["x"]`` is a variable of the dataset.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class Result:
 
     @property
     def _said(self) -> Described:
-        """Itself, as what every kind has to be."""
+        """The result itself, typed as what every kind implements."""
         return cast(Described, self)
 
     @validated
@@ -243,7 +243,7 @@ class Result:
         Raises
         ------
         DeclarationError
-            If there is none of that name.
+            If no quantity has this name.
         """
         data = self._said.dataset
         if name in data.variables:
@@ -262,11 +262,11 @@ class Result:
 
     @property
     def table(self) -> pandas.DataFrame:
-        """The dataset as a table: what has more dimensions than one fills several columns."""
+        """The dataset as a table: a variable with two dimensions fills several columns."""
         return flat(self._said.dataset, self.along)
 
     def summary(self) -> Summary:
-        """What there is to say on a page: outcome, numbers, certificate.
+        """Outcome, numbers and certificate on a page.
 
         Printed, it is a short table; ``.data`` is what ``summary.json`` holds.
         """
@@ -365,12 +365,11 @@ class Result:
         return self._said.dataset, parts
 
     def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """What of that is needed to make it again: by default all."""
+        """The part of that from which the result can be made again: by default all."""
         return self.stored()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # It goes to another process as it goes into a file: what it was made of, compiled functions
-        # and work space among it, stays here.
+        # A result is pickled as it is stored, without compiled functions and work space.
         data, parts = self.essence()
         return _remade, (type(self), data, storage.as_texts(parts))
 
@@ -447,8 +446,8 @@ def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
 
 
 def restored_residuals(entries: Iterable[Mapping[str, Any]]) -> tuple[Residual, ...]:
-    """Residuals as they were stored: where there was no number is none, where there was no limit is
-    none."""
+    """Residuals as they were stored: JSON has null for a value that is not a number, and for an
+    infinite limit."""
     return tuple(
         Residual(
             **{

@@ -1,4 +1,4 @@
-"""The commands: what they are called, and those that are a few lines."""
+"""The command line program: the names of all commands, and the short ones."""
 
 from __future__ import annotations
 

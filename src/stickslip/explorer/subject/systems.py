@@ -1,4 +1,4 @@
-"""The systems that pages look at, kept for a while: a drag asks for the same one many times."""
+"""The systems and motions of pages, cached: dragging a slider requests the same ones repeatedly."""
 
 from __future__ import annotations
 
@@ -19,9 +19,12 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.cycles.cycle import Cycle
 
+_KEPT = 8  # motions
+_MOTIONS: dict[tuple[object, ...], Trajectory] = {}
+
 
 def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
-    """The system that a page looks at, and the parameters that differ from its own.
+    """The system of a page, and the parameters that differ from its own.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
 
 
 def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
-    """The cycle that the motion of a page settles on.
+    """The cycle to which the motion of a page converges.
 
     Raises
     ------
@@ -90,12 +93,8 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
 
 
 def shown_span(system: System, setting: PageSetting) -> tuple[float, float]:
-    """The time span that a page looks at."""
+    """The time span of a page."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
-
-
-_KEPT = 8
-_MOTIONS: dict[tuple[object, ...], Trajectory] = {}
 
 
 def values_of(system: System, given: Mapping[str, float]) -> dict[str, float]:
