@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
-from stickslip.model.entries.checks import check_slopes, size_of_terms
+from stickslip.model.entries.checks import (
+    are_dependent,
+    are_parallel,
+    check_components,
+    check_line,
+    check_slopes,
+    size_of_terms,
+)
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.entries.units import check_unit
@@ -241,10 +248,10 @@ class _Contacts:
                 'Add the largest friction force, like threshold = "mu*m*g"',
             )
         if isinstance(contact.direction, str):
-            self._check_line(where, contact)
+            check_line(where, contact)
             return [self._contact(name, contact)]
         count = len(contact.direction)
-        self._check_components(where, contact, count)
+        check_components(where, contact, count)
         lengths = contact.axes if len(contact.axes) == count else (1.0,) * count
         axes = [self._axis(axis, f"{where}.axes") for axis in lengths]
         formula = None
@@ -267,54 +274,6 @@ class _Contacts:
         if formula is not None:
             self._check_formula(where, found[0])
         return found
-
-    def _check_line(self, where: str, contact: Contact) -> None:
-        """Refuse keys that only a contact in a plane has."""
-        if contact.dissipation is not None:
-            raise DeclarationError(
-                f"{where}.dissipation",
-                "a contact along a line does not take a dissipation",
-                "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
-            )
-        if isinstance(contact.surface_speed, tuple):
-            raise DeclarationError(
-                f"{where}.surface_speed",
-                "two components were given, but a contact along a line has one",
-                "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
-            )
-        if contact.axes != (1.0, 1.0):
-            raise DeclarationError(
-                f"{where}.axes",
-                "only a contact in a plane has axes",
-                "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
-            )
-
-    def _check_components(self, where: str, contact: Contact, count: int) -> None:
-        """Refuse keys of a contact in a plane that do not have one entry for each direction."""
-        for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
-            if isinstance(given, tuple):
-                raise DeclarationError(
-                    f"{where}.{key}",
-                    "a contact in a plane has a single threshold for all directions",
-                    "Give one formula; for anisotropic friction add 'axes'",
-                )
-        given = contact.surface_speed
-        if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
-            raise DeclarationError(
-                f"{where}.surface_speed",
-                f"the surface velocity needs {_NUMBERS[count]} components",
-                f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
-                f"{', 0' * (count - 1)}]",
-            )
-        if contact.dissipation is None and len(contact.axes) != count:
-            raise DeclarationError(
-                f"{where}.axes",
-                f"expected {count} half axes, one for each direction, got {len(contact.axes)}",
-                "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
-                "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
-                if count == 3
-                else "Give one for each direction, like [1.0, 0.6]",
-            )
 
     def _dissipation(self, where: str, contact: Contact, axes: list[Expr]) -> ConvexFormula:
         """The dissipation of a contact in a plane, or of a face, that has a formula, or axes."""
@@ -411,36 +370,23 @@ class _Contacts:
                 "Declare all coordinates of one contact with the same kind",
             )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
-        if not first.prescribed and any(_alike(a, b) for a, b in pairs):
+        if not first.prescribed and any(are_parallel(a.direction, b.direction) for a, b in pairs):
             raise DeclarationError(
                 f"{where}.direction",
                 f"{'both' if len(parts) == 2 else 'two'} of its components are parallel",
                 f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
                 f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
             )
-        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
+        if (
+            len(parts) > 2
+            and not first.prescribed
+            and are_dependent([part.direction for part in parts])
+        ):
             raise DeclarationError(
                 f"{where}.direction",
                 "one of its components is a linear combination of the others",
                 "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
             )
-
-    def _are_dependent(self, parts: list[DryContact]) -> bool:
-        """Whether directions depend on each other, whatever the parameters and the state are."""
-        import numpy as np
-
-        names = sorted({x for part in parts for x in part.direction})
-        entries = [[part.direction.get(x, ex.ZERO) for x in names] for part in parts]
-        symbols = sorted({x for row in entries for e in row for x in e.symbols})
-        # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
-        # not special.
-        rng = np.random.default_rng(0)
-        place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
-        J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])
-        sizes = np.linalg.norm(J, axis=1)
-        if not (np.isfinite(sizes).all() and sizes.all()):
-            return False
-        return bool(np.linalg.matrix_rank(J / sizes[:, None]) < len(parts))
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
         """A contact along a line, or a component of the one that was declared."""
@@ -644,12 +590,3 @@ class _Contacts:
         from stickslip.symbolic.extrema import least
 
         return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
-
-
-def _alike(a: DryContact, b: DryContact) -> bool:
-    """Whether two contacts are along one line."""
-    return a.direction.keys() == b.direction.keys() and all(
-        a.direction[x] * b.direction[y] is b.direction[x] * a.direction[y]
-        for x in a.direction
-        for y in a.direction
-    )

@@ -322,3 +322,16 @@ def pose(
     return Problem(
         system, numbers, order, tolerance, max(atol / rtol, _LEAST_UNIT), exact, origin=origin
     )
+
+
+def checked_values(system: System, parameters: Mapping[str, float] | None) -> dict[str, float]:
+    """All parameters, checked."""
+    if not isinstance(system, System):
+        raise DeclarationError(
+            "system",
+            f"expected a System, got {type(system).__name__}",
+            "Use ss.load or ss.catalogue",
+        )
+    values = {**system.values, **(parameters or {})}
+    system.declaration.check_parameters(values)
+    return {name: float(value) for name, value in values.items()}

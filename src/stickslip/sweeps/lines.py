@@ -28,7 +28,7 @@ from stickslip.errors import ConvergenceError, DeclarationError, short, suggesti
 from stickslip.model.quantities import ENERGIES
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
-from stickslip.motion.problem import pose
+from stickslip.motion.problem import checked_values, pose
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch
@@ -37,7 +37,6 @@ from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.cycles.drive_phase import read_drive
 from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.finding import from_state
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.progress import Show, watched
 from stickslip.stopping.scopes import TimeUp, heed, limited
 from stickslip.sweeps.carried import carried, moved

@@ -81,6 +81,42 @@ class Reading:
         return Records.read(folder, options.pop("drive") or (), **options)
 
 
+@dataclass(frozen=True)
+class RecordAxes:
+    """The axes of the map besides the records."""
+
+    scale: Annotated[
+        str | None,
+        typer.Option(
+            "--scale",
+            metavar="VALUES",
+            help="Factors of the records, such as 0.2:2:10, or 1,2,5.",
+        ),
+    ] = None
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="NAME=VALUES",
+            help="Further axis, such as mu=0.1,0.2; may be repeated.",
+        ),
+    ] = None
+
+    def with_records(self, records: Records) -> dict[str, Any]:
+        """All axes: records, their factors, and those of ``--over``."""
+        from stickslip.sweeps.request.axes import axes_of_texts
+
+        axes: dict[str, Any] = {"record": records}
+        axes |= {} if self.scale is None else {"scale": self.scale}
+        for name, values in axes_of_texts(self.over or []).items():
+            if name in axes:
+                raise DeclarationError(
+                    f"--over {short(name)}", "it is already varied", "Give it once only"
+                )
+            axes[name] = values
+        return axes
+
+
 def records_command(
     model: Model,
     folder: Annotated[
@@ -91,22 +127,8 @@ def records_command(
         ),
     ],
     measure: MeasureOptions,
-    scale: Annotated[
-        str | None,
-        typer.Option(
-            "--scale",
-            metavar="VALUES",
-            help="Factors of the records, such as 0.2:2:10, or 1,2,5.",
-        ),
-    ] = None,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            metavar="NAME=VALUES",
-            help="Further axis, such as mu=0.1,0.2; may be repeated.",
-        ),
-    ] = None,
+    *,
+    varied: RecordAxes,
     limit: Annotated[
         str | None,
         typer.Option(
@@ -115,7 +137,6 @@ def records_command(
             help="Report the fraction of records that exceed a limit, such as slip=0.05.",
         ),
     ] = None,
-    *,
     reading: Reading,
     out: Annotated[
         Path | None,
@@ -153,7 +174,7 @@ def records_command(
     system = load_model(model, settings or [])
     start = given(initial)
     exceeded = None if limit is None else _limit(limit)
-    axes = _axes(reading.records(folder), scale, over or [])
+    axes = varied.with_records(reading.records(folder))
     path = out or folder_of(system.name, "records").with_suffix(".zarr")
     span = None if until is None else (float(system.span[0]), until)
 
@@ -183,21 +204,6 @@ def records_command(
         print_summary(found.summary(), more=[("written", str(path))])
     beside = path.with_name(f"{path.stem}-fragility")
     present("fragility", system.name, FRAGILITY, fragility, ResultOptions(beside, json_))
-
-
-def _axes(records: Records, scale: str | None, over: list[str]) -> dict[str, Any]:
-    """The axes of the map: records, their factors, and those of ``--over``."""
-    from stickslip.sweeps.request.axes import axes_of_texts
-
-    axes: dict[str, Any] = {"record": records}
-    axes |= {} if scale is None else {"scale": scale}
-    for name, values in axes_of_texts(over).items():
-        if name in axes:
-            raise DeclarationError(
-                f"--over {short(name)}", "it is already varied", "Give it once only"
-            )
-        axes[name] = values
-    return axes
 
 
 def _limit(text: str) -> tuple[str, float]:

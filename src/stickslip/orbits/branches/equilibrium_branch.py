@@ -20,6 +20,7 @@ from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import NEARLY_SOLVED, RANK, ROUNDED_SUM
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.equilibria_along import Station, dataset
@@ -47,7 +48,7 @@ from stickslip.orbits.continuation.path import (
 from stickslip.orbits.equilibria.candidates import autonomous
 from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, describe_guard
-from stickslip.orbits.equilibria.finding import checked_values, equilibria
+from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
 from stickslip.orbits.fields.steady import (
     Array,

@@ -17,6 +17,7 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.intervals import EVERYTHING, LOOSE
 
+_MEETS = 1e-7  # of 1 + the modulus: distance of boxes, and of states from them, that is rounding
 _TURNS = 12  # multiples of the longest period that are tried for a common one
 
 if TYPE_CHECKING:
@@ -177,3 +178,17 @@ def enclosed(
 def times_way(slope: Array, way: Array) -> Array:
     """Slopes times ways, where nothing times infinity is nothing."""
     return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
+
+
+def touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether two boxes meet."""
+    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
+    return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
+
+
+def is_within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
+    """Whether a state is in a box, or on its edge up to rounding."""
+    return all(
+        low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
+        for x, (low, high) in extent.items()
+    )

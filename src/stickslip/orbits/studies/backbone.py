@@ -34,10 +34,10 @@ from stickslip.model.quantities import (
 )
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import HARMONICS_KNOWN
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.over_period import harmonics_of
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
 from stickslip.orbits.studies.self_excitation import (

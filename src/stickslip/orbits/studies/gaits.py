@@ -18,11 +18,10 @@ from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import pose
+from stickslip.motion.problem import checked_values, pose
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.following import follow_freely
 from stickslip.progress import told

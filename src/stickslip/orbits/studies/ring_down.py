@@ -30,9 +30,9 @@ from stickslip.model.quantities import described_as, energy_unit, per_time, quan
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import checked_values
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.studies.swinging import read_swinging
 from stickslip.orbits.studies.turning_points import SwingTrace, TurningPoints, turning_points
 from stickslip.results import CERTIFICATE, PLAIN, TEXT, Completion, Result, shortened, together
