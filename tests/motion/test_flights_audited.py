@@ -74,7 +74,9 @@ def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None)
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     forms = p.closed_forms if forms is None else forms
     aloft = make_aloft(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
-    audit_motion(p.machine, p.flow(retracing=True), aloft, m._seen, *halves(knots), accounts)
+    audit_motion(
+        p.machine, p.flow(retracing=True), aloft, m._retraced.seen, *halves(knots), accounts
+    )
     return Followed(accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES]))
 
 
@@ -82,7 +84,7 @@ def piece_by_piece(m: ss.Trajectory, knots: Knots) -> Accounts:
     p = m._problem
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     flow = p.flow(retracing=True)
-    audit_steps(p.machine, flow, m._seen, *halves(knots), True, accounts)
+    audit_steps(p.machine, flow, m._retraced.seen, *halves(knots), True, accounts)
     return accounts
 
 
@@ -231,7 +233,7 @@ def test_closed_forms_that_mislead_the_motion_are_found(name: str) -> None:
         tau = 0.7 * float(np.max(np.diff(m.knots.clock)))
         i = int(np.argmax(np.diff(m.knots.clock)))
         vars(m._problem)["closed_forms"] = wrong
-        state = m._states_on_clock(np.array([m.knots.clock[i] + tau]), np.array([i]))[0]
+        state = m._retraced.states(np.array([m.knots.clock[i] + tau]), np.array([i]))[0]
         cut = two_knots(m.knots, i, tau, state)
         found = residuals(m, cut)
         assert np.max(found) > 1e-9, fault
@@ -251,8 +253,8 @@ def residuals(m: ss.Trajectory, knots: Knots) -> Array:
     layout = m._problem.compiled.layout.rows
     other = copy(m)
     vars(other)["knots"] = knots
-    energy = other._sample_clock(knots.clock, np.arange(2))[:, layout]
-    return audited(m._problem, knots, m._seen, energy).residuals
+    energy = other._retraced.rows(knots.clock, np.arange(2))[:, layout]
+    return audited(m._problem, knots, m._retraced.seen, energy).residuals
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -263,7 +265,7 @@ def test_wrong_ends_are_found(name: str) -> None:
     i = int(np.argmax(np.diff(m.knots.clock)))
     h = float(np.diff(m.knots.clock)[i])
     tau = 0.7 * h
-    state = m._states_on_clock(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
+    state = m._retraced.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
     assert np.max(residuals(m, two_knots(m.knots, i, tau, state))) < 1e-10
     n = len(state) // 2
     sizes = np.abs(m.knots.state).max(axis=0)
@@ -285,7 +287,7 @@ def test_a_late_switch_is_found(name: str) -> None:
     for i in steps.tolist():
         h = float(m.knots.clock[i + 1] - m.knots.clock[i])
         tau = h * (1.0 + 1e-3)
-        state = m._states_on_clock(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
+        state = m._retraced.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
         if math.isnan(float(state.sum())):
             continue
         found += int(np.max(residuals(m, two_knots(m.knots, i, tau, state))) > 1e-9)
@@ -297,5 +299,5 @@ def test_states_in_flights_that_begin_at_another_time() -> None:
     m = ss.simulate(beam(), (1.0, 1.1))
     steps = np.flatnonzero(np.diff(m.knots.clock) > 0.0)
     middles = 0.5 * (m.knots.clock[steps] + m.knots.clock[steps + 1])
-    found, wanted = m._states_on_clock(middles, steps), m._states_by_steps(middles, steps)
+    found, wanted = m._retraced.states(middles, steps), m._retraced.states_by_steps(middles, steps)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())

@@ -81,7 +81,7 @@ def _collides(trajectory: Trajectory, start: Array) -> bool:
         return False
     k, layout = trajectory.knots, trajectory._problem.compiled.layout
     first = Knots.single(float(k.clock[0]), start, k.mode[0], k.region[0], k.origin)
-    (row,) = trajectory._sample_steps(first, k.clock[:1], np.zeros(1, np.int64))
+    (row,) = trajectory._retraced.rows_by_steps(first, k.clock[:1], np.zeros(1, np.int64))
     gaps = row[[layout.gaps[i] for i in which]]
     rates = row[[layout.u[i] for i in which]]
     places = np.abs(k.state[:, : layout.sizes["nq"]])

@@ -21,9 +21,9 @@ from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.record.audited import Audit, audited, work_in_steps
+from stickslip.motion.record.audited import Audit, audited
 from stickslip.motion.record.knots import IS_OPEN, Knots
-from stickslip.motion.record.order import as_asked, in_order
+from stickslip.motion.record.retraced import Retraced
 from stickslip.motion.record.switches import Switches, flags_of_modes
 from stickslip.numerics.levels import ON_SURFACE
 from stickslip.results import Result, listed
@@ -131,7 +131,9 @@ class Trajectory(Result):
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
-        sizes = dict(zip(self.final, map(float, self._seen), strict=False)) | {"t": values["t"]}
+        sizes = dict(zip(self.final, map(float, self._retraced.seen), strict=False)) | {
+            "t": values["t"]
+        }
         found = []
         for jump in self._problem.compiled.equations.jumps:
             felt = jump.guard.symbols & sizes.keys()
@@ -211,8 +213,8 @@ class Trajectory(Result):
         first = len(self._problem.compiled.equations.kinks)
         numbers = {first + i: key for key, i in self._switches.openings.items()}
         struck = self._strikes
-        before = self._sample_clock(k.clock[struck], struck - 1)
-        after = self._sample_clock(k.clock[struck], struck)
+        before = self._retraced.rows(k.clock[struck], struck - 1)
+        after = self._retraced.rows(k.clock[struck], struck)
         rows = [self._problem.compiled.layout.u[k.cause[i] - first] for i in struck]
         each = np.arange(len(struck))
         energy = self._problem.compiled.layout.rows
@@ -255,93 +257,33 @@ class Trajectory(Result):
         knot, which = map(np.ascontiguousarray, np.nonzero(self._switches.jumped))
         clock = self.knots.clock[knot + 1]
         energy = self._problem.compiled.layout.rows
-        before = self._sample_clock(clock, knot)[:, energy]
-        after = self._sample_clock(clock, knot + 1)[:, energy]
+        before = self._retraced.rows(clock, knot)[:, energy]
+        after = self._retraced.rows(clock, knot + 1)[:, energy]
         names = np.array([*self.system.jumps], dtype=object)
         time = self.knots.time[knot + 1]
         columns = {"time": time, "jump": names[which], "energy_change": after - before}
         return pd.DataFrame(columns)
 
+    @cached_property
+    def _retraced(self) -> Retraced:
+        """The motion between its knots."""
+        return Retraced(self._problem, self.knots)
+
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
-        return self._sample_clock(times - self.knots.origin, index)
-
-    def _sample_clock(self, clock: Array, index: Array) -> Array:
-        """The same at times since the origin."""
-        from stickslip.motion.between.flights import states_in_flights
-
-        p, k = self._problem, self.knots
-        states = np.empty((len(clock), k.state.shape[1]))
-        flown = states_in_flights(p, k, index, clock, states)
-        if not np.any(flown):
-            return self._sample_steps(k, clock, index)
-        out = np.empty((len(clock), p.compiled.layout.rows + 3))
-        # What a flight comes to needs no step from the knot before it: it is a knot itself.
-        own = index[flown]
-        parts = clock[flown], states[flown], k.mode[own], k.region[own], k.cause[own]
-        reached = Knots(*parts, origin=k.origin)
-        out[flown] = self._sample_steps(reached, clock[flown], np.arange(len(own)))
-        if not np.all(flown):
-            out[~flown] = self._sample_steps(k, clock[~flown], index[~flown])
-        return out
-
-    def _sample_steps(self, knots: Knots, clock: Array, index: Array) -> Array:
-        """The same, by the series that the motion was computed by."""
-        from stickslip.motion.between import dense
-
-        p = self._problem
-        out = np.empty((len(clock), p.compiled.layout.rows + 3))
-        work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
-        order = in_order(clock, index)
-        given = self._seen, knots.record, index[order], clock[order], work, out
-        unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
-        return as_asked(out, order)
+        return self._retraced.rows(times - self.knots.origin, index)
 
     def _states_at(self, times: Array, index: Array) -> Array:
         """States at times within the steps of the knots `index`, shape (times, states)."""
-        return self._states_on_clock(times - self.knots.origin, index)
-
-    def _states_on_clock(self, clock: Array, index: Array) -> Array:
-        """The same at times since the origin."""
-        from stickslip.motion.between.flights import states_in_flights
-
-        p, k = self._problem, self.knots
-        out = np.empty((len(clock), k.state.shape[1]))
-        done = states_in_flights(p, k, index, clock, out)
-        if np.any(done):
-            left = ~done
-            if np.any(left):
-                out[left] = self._states_by_steps(clock[left], index[left])
-            return out
-        return self._states_by_steps(clock, index)
-
-    def _states_by_steps(self, clock: Array, index: Array) -> Array:
-        """The same, by the series that the motion was computed by."""
-        from stickslip.motion.between import dense
-
-        p, k = self._problem, self.knots
-        out = np.empty((len(clock), k.state.shape[1]))
-        work = dense.make_scratch(p.rows, (0, 2))
-        order = in_order(clock, index)
-        given = self._seen, k.record, index[order], clock[order], work, out
-        unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
-        return as_asked(out, order)
-
-    @cached_property
-    def _seen(self) -> Array:
-        """Sizes of the state, against which steps are measured that follow the motion again."""
-        seen = np.zeros(len(self._problem.rows.watched))
-        n = self.knots.state.shape[1]
-        seen[:n] = np.max(np.abs(self.knots.state), axis=0, initial=0.0)
-        return seen
+        return self._retraced.states(times - self.knots.origin, index)
 
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
         k = self.knots
         rows = self._problem.compiled.layout.rows
-        energy = self._sample_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
-        return audited(self._problem, k, self._seen, energy)
+        energy = self._retraced.rows_by_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
+        return audited(self._problem, k, self._retraced.seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -421,7 +363,7 @@ class Trajectory(Result):
         wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         work = make_scratch(p.rows, (p.order + 2, len(wanted)))
-        given = self._seen, k.record, index, times - k.origin, wanted, work, out
+        given = self._retraced.seen, k.record, index, times - k.origin, wanted, work, out
         if followed:
             unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
         values = dict(zip(followed, out, strict=True))
@@ -449,7 +391,7 @@ class Trajectory(Result):
 
     def _values_without_outputs(self, clock: Array, index: Array) -> dict[str, Array]:
         """The same without outputs."""
-        out = self._sample_clock(clock, index)
+        out = self._retraced.rows(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
         values |= of_modes(self.system.unknowns, values)
@@ -457,7 +399,7 @@ class Trajectory(Result):
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]
         values["energy"] = out[:, rows]
-        work = self._work(clock, index)
+        work = self._retraced.work(clock, index)
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
@@ -470,12 +412,6 @@ class Trajectory(Result):
                 name = f"{kind}_{key}"
                 if name in values:
                     values[name] = np.where(is_open, 0.0, values[name])
-
-    def _work(self, clock: Array, index: Array) -> Array:
-        """Dissipated and supplied energy from the knots `index` to times since the origin."""
-        order = in_order(clock, index)
-        given = index[order], clock[order]
-        return as_asked(work_in_steps(self._problem, self.knots, self._seen, *given), order)
 
     @cached_property
     def certificate(self) -> Certificate:

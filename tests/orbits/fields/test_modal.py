@@ -90,12 +90,12 @@ def test_states_within_flights(contact: str) -> None:
     index = np.repeat(np.arange(len(k.time) - 1), 5)
     part = np.tile([0.7, 0.0, 0.31, 1.0, 0.02], len(k.time) - 1)
     clock = k.clock[index] + part * np.diff(k.clock)[index]
-    found = motion._states_on_clock(clock, index)
+    found = motion._retraced.states(clock, index)
     out = np.empty_like(found)
     assert np.any(states_in_flights(motion._problem, k, index, clock, out))
     n = len(found[0]) // 2
     for own in (slice(n), slice(n, 2 * n)):
-        steps = motion._states_by_steps(clock, index)[:, own]
+        steps = motion._retraced.states_by_steps(clock, index)[:, own]
         assert np.max(np.abs(found[:, own] - steps)) <= 1e-10 * np.max(np.abs(steps))
 
 

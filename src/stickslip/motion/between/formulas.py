@@ -92,11 +92,11 @@ class Along:
         if self._sums:
             values = motion._values_without_outputs(clock, index)
         elif not self._of_state:
-            rows = motion._sample_clock(clock, index)
+            rows = motion._retraced.rows(clock, index)
             values = {name: rows[:, row] for name, row in motion._rows.items()}
             motion._without_contact(values, index)
         elif not self._timed:
-            states = motion._states_on_clock(clock, index)
+            states = motion._retraced.states(clock, index)
             values = dict(zip(motion.system.declaration.state, states.T, strict=True))
         given = {**values, **motion.parameters, "t": times}
         return evaluated(self.formulas, given, len(times)).T

@@ -442,4 +442,4 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     alone = Knots.single(float(k.clock[knot]), k.state[knot], mode, region, k.origin)
     time = float(k.time[knot])
     part = Trajectory(motion._problem, (time, time), alone, motion.outcome)
-    return part._sample_clock(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]
+    return part._retraced.rows(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]

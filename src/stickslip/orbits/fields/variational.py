@@ -189,7 +189,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, 
     after[0] = first
     return Pass(
         k.record,
-        trajectory._seen,
+        trajectory._retraced.seen,
         float(k.origin),
         float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)),
         modal,

@@ -180,7 +180,7 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
             return motion._states_at(clock + k.origin, index)[:, j]
 
         def rate(clock: float, step: int) -> float:
-            return float(motion._sample_clock(np.array([clock]), np.array([step]))[0, rows[j]])
+            return float(motion._retraced.rows(np.array([clock]), np.array([step]))[0, rows[j]])
 
         return Traced(values, rate, lambda clock, step: unit[j])
 

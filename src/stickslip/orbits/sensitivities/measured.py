@@ -126,7 +126,7 @@ class _Changing:
         """A quantity at a time since the origin, in a step: its value, its derivatives by (state,
         parameter), and its rate."""
         k = self.motion.knots
-        y = self.motion._states_on_clock(np.array([clock]), np.array([step]))[0]
+        y = self.motion._retraced.states(np.array([clock]), np.array([step]))[0]
         t = clock + k.origin
         piece = self.pieces(k.mode[step], k.region[step])
         where = np.array([t]), np.ascontiguousarray(y[:, None])
