@@ -7,6 +7,7 @@ Whatever needs a second place makes these tests fail.
 from __future__ import annotations
 
 import ast
+import gc
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -404,21 +405,27 @@ def test_nothing_else_knows_a_function_by_name() -> None:
     assert dispatches(ast.parse("{'log': 1}"))
 
 
-def test_rows_of_samples_are_freed_while_names_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The garbage collector frees them at any moment."""
+def test_rows_of_samples_are_freed_while_names_are_listed() -> None:
+    """The garbage collector frees them at any moment, such as that at which a tuple of names is
+    made."""
 
-    class Collecting(Function):
-        """A row with which a collection comes."""
+    class Garbage:
+        """What holds a row of the table, in a cycle."""
 
-        def __getattribute__(self, name: str) -> Any:
-            if name == "typed":
-                FUNCTIONS.pop("freed", None)
-            return super().__getattribute__(name)
+        def __init__(self, name: str) -> None:
+            self.name, self.own = name, self
+            FUNCTIONS[name] = replace(FUNCTIONS["sin"], name=name, typed="freed(x)")
 
-    sine = FUNCTIONS["sin"]
-    monkeypatch.setitem(FUNCTIONS, "freed", replace(sine, name="freed", typed="freed(x)"))
-    collecting = Collecting(name="collecting", value=math.sin, derivative="cos(x)")
-    monkeypatch.setitem(FUNCTIONS, "collecting", collecting)
-    FUNCTIONS["freed"] = FUNCTIONS.pop("freed")  # behind the other
-    assert builtins()["sin"] == 1
-    assert "freed" not in FUNCTIONS
+        def __del__(self) -> None:
+            del FUNCTIONS[self.name]
+
+    thresholds = gc.get_threshold()
+    gc.set_threshold(1)
+    try:
+        for i in range(300):
+            Garbage(f"freed_{i}")
+            assert builtins()["sin"] == 1
+    finally:
+        gc.set_threshold(*thresholds)
+        gc.collect()
+    assert not [name for name in list(FUNCTIONS) if name.startswith("freed_")]

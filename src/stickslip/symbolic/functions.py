@@ -448,10 +448,10 @@ FUNCTIONS: dict[str, Function] = {
     )
 }
 """All functions by name. Those of samples and tables are added when they are used and removed when
-they are freed, at any moment: iterate over a copy of the names, ``tuple(FUNCTIONS)``."""
+they are freed, at any moment that the garbage collector runs: never iterate over it."""
+_LANGUAGE = tuple(name for name, row in FUNCTIONS.items() if not row.typed)
 
 
 def language() -> list[str]:
     """Names of the functions that a formula may call."""
-    rows = ((name, FUNCTIONS.get(name)) for name in tuple(FUNCTIONS))
-    return [name for name, row in rows if row is not None and not row.typed]
+    return list(_LANGUAGE)
