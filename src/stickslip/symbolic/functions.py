@@ -448,10 +448,11 @@ FUNCTIONS: dict[str, Function] = {
     )
 }
 """All functions by name. Those of samples and tables are added when they are used and removed when
-they are freed, at any moment that the garbage collector runs: never iterate over it."""
-_LANGUAGE = tuple(name for name, row in FUNCTIONS.items() if not row.typed)
+they are freed, at any moment that the garbage collector runs: iterate over ``list(FUNCTIONS)``."""
 
 
 def language() -> list[str]:
     """Names of the functions that a formula may call."""
-    return list(_LANGUAGE)
+    # Not a tuple: it is allocated after the iteration has begun, which may free samples.
+    rows = ((name, FUNCTIONS.get(name)) for name in list(FUNCTIONS))
+    return [name for name, row in rows if row is not None and not row.typed]
