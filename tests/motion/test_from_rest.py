@@ -105,3 +105,44 @@ def test_units_that_are_far_apart(small: float) -> None:
     alone, beside = certified(system({})), certified(system({"y": "y**2/2 + 1e-5*y**4"}))
     assert beside.final["x"] == pytest.approx(alone.final["x"], abs=1e-9 * small)
     assert beside.n_switches == alone.n_switches
+
+
+def ellipse(axes: tuple[float, float], forces: tuple[str, str]) -> ss.Trajectory:
+    """A puck on a table whose limit curve is an ellipse, for 1 s from rest."""
+    first, second = forces
+    system = ss.System(
+        "ellipse",
+        coordinates={"x": ss.Inertial(force=first), "y": ss.Inertial(force=second)},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"table": ss.Contact(("d_x", "d_y"), 1.0, axes=axes)},
+        span=(0, 1),
+    )
+    return ss.simulate(system)
+
+
+@pytest.mark.parametrize("narrow", [0.3, 0.1, 0.01, 1e-4])
+def test_slips_begin_along_the_long_axis_of_an_ellipse(narrow: float) -> None:
+    """The slip starts at t = 1/2 with x'' = t - 1/2, whichever axis is the long one."""
+    upright = ellipse((narrow, 1.0), ("0", "0.5 + t"))
+    lying = ellipse((1.0, narrow), ("0.5 + t", "0"))
+    assert upright.certificate.ok
+    assert lying.certificate.ok
+    for along, across, motion in (("y", "x", upright), ("x", "y", lying)):
+        assert motion.final[along] == pytest.approx(1 / 48, rel=1e-12)
+        assert motion.final[f"d_{along}"] == pytest.approx(1 / 8, rel=1e-12)
+        assert motion.final[across] == motion.final[f"d_{across}"] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_slips_of_an_ellipse_do_not_depend_on_the_order_of_its_axes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    narrow = float(10.0 ** rng.uniform(-2.0, 0.0))
+    across, turning = rng.uniform(-0.5, 0.5, 2) * narrow
+    small, large = f"{across} + {turning}*t", f"{rng.uniform(0.3, 0.8)} + t"
+    upright = ellipse((narrow, 1.0), (small, large))
+    lying = ellipse((1.0, narrow), (large, small))
+    assert upright.certificate.ok
+    assert lying.certificate.ok
+    for one, other in (("x", "y"), ("d_x", "d_y")):
+        assert upright.final[one] == pytest.approx(lying.final[other], rel=1e-9, abs=1e-12)
+        assert upright.final[other] == pytest.approx(lying.final[one], rel=1e-9, abs=1e-12)
