@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +59,9 @@ class _Bench(threading.local):
         return _Bench, ()
 
 
+_MOST_BENCHES = 4  # of a system, each for one order and one number of doubtful thresholds
+_MOST_POSED = 64  # sets of numbers of a system that are known to be admissible
+_MOST_CONSTANTS = 4  # sets of matrices of a system
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
 _MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
@@ -150,14 +155,21 @@ class Problem:
 
     @cached_property
     def _bench(self) -> _Bench:
-        return _Bench()
+        # Motions of a system come one after the other, mostly.
+        sizes = self.order, len(self.rows.doubtful)
+        return made_once(self.compiled, "bench", _Bench, sizes, _MOST_BENCHES)
 
     @cached_property
     def constants(self) -> Constants:
         """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for
         these parameters."""
         table = np.array([[self.parameters[name] for name in self.system.parameters]], dtype=float)
-        return Constants(*(part[0] for part in self.constants_of(table)))
+
+        def make() -> Constants:
+            return Constants(*(part[0] for part in self.constants_of(table)))
+
+        key = table.tobytes(), self.origin
+        return made_once(self.compiled, "constants", make, key, _MOST_CONSTANTS)
 
     def constants_of(self, table: Array) -> Constants:
         """The same for a table of parameters, shape (groups, parameters): arrays with a leading
@@ -166,9 +178,10 @@ class Problem:
 
         layout = self.compiled.layout
         groups = len(table)
-        constants = Constants(
-            *(np.zeros((groups, *layout.shape(name))) for name in Constants._fields)
+        shapes = made_once(
+            self.compiled, "shapes", lambda: [layout.shape(name) for name in Constants._fields]
         )
+        constants = Constants(*(np.zeros((groups, *shape)) for shape in shapes))
         run_setups(
             self.compiled.setup, np.column_stack([table, np.full(groups, self.origin)]), constants
         )
@@ -304,7 +317,27 @@ def pose(
             f"expected a System, got {type(system).__name__}",
             "Use ss.load or ss.catalogue",
         )
-    values = {**system.values, **{k: v for k, v in (parameters or {}).items()}}
+    values = {**system.values, **(parameters or {})}
+    key = _key(values, rtol, atol)
+    check = partial(_checked, system, values, rtol, atol)
+    known = check() if key is None else made_once(system, "posed", check, key, _MOST_POSED)
+    return Problem(system, *known, exact, origin=origin)
+
+
+def _key(values: Mapping[str, float], *tolerances: float) -> tuple[object, ...] | None:
+    """What tells numbers from all others, bit by bit and type by type; None if some are not
+    numbers."""
+    try:
+        bits = struct.pack(f"{len(values) + 2}d", *values.values(), *tolerances)
+    except (struct.error, TypeError, ValueError, OverflowError):
+        return None
+    return (bits, *values, *map(type, values.values()), *map(type, tolerances))
+
+
+def _checked(
+    system: System, values: Mapping[str, float], rtol: float, atol: float
+) -> tuple[dict[str, float], int, float, float]:
+    """The numbers of a problem, its order and its tolerances."""
     system.declaration.check_parameters(values)
     for name, value, low, high in (
         ("rtol", rtol, LEAST_RTOL, 1e-3),
@@ -319,6 +352,4 @@ def pose(
     tolerance = max(1e-3 * rtol, _FINEST)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
     numbers = {name: float(value) for name, value in values.items()}
-    return Problem(
-        system, numbers, order, tolerance, max(atol / rtol, _LEAST_UNIT), exact, origin=origin
-    )
+    return numbers, order, tolerance, max(atol / rtol, _LEAST_UNIT)
