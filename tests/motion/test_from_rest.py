@@ -3,10 +3,12 @@ rounding errors at first, and what is far away has hardly begun to move."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from bodies import chain, typed
@@ -146,3 +148,49 @@ def test_slips_of_an_ellipse_do_not_depend_on_the_order_of_its_axes(seed: int) -
     for one, other in (("x", "y"), ("d_x", "d_y")):
         assert upright.final[one] == pytest.approx(lying.final[other], rel=1e-9, abs=1e-12)
         assert upright.final[other] == pytest.approx(lying.final[one], rel=1e-9, abs=1e-12)
+
+
+def puck(forces: tuple[str, str]) -> ss.Trajectory:
+    return ellipse((1.0, 1.0), forces)
+
+
+@pytest.mark.parametrize(
+    ("forces", "load"),
+    [
+        (("1", "t**2"), lambda t: (1.0, t**2)),
+        (("1 - t**2/2", "t"), lambda t: (1.0 - t**2 / 2, t)),
+        (
+            ("(1 + t**4)*cos(t)", "(1 + t**4)*sin(t)"),
+            lambda t: ((1 + t**4) * np.cos(t), (1 + t**4) * np.sin(t)),
+        ),
+    ],
+)
+def test_a_load_leaves_the_limit_curve_like_the_fourth_power_of_time(
+    forces: tuple[str, str], load: Callable[[float], tuple[float, float]]
+) -> None:
+    """It begins on the curve and moves along it: |F| - 1 grows like t**4. Regularised friction,
+    extrapolated to none, is the reference."""
+    motion = puck(forces)
+    assert motion.certificate.ok
+
+    def end(small: float) -> np.ndarray:
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            u = y[2:]
+            return np.append(u, np.array(load(t)) - u / np.hypot(small, np.hypot(*u)))
+
+        with np.errstate(over="ignore"):
+            found = solve_ivp(rate, (0.0, 1.0), np.zeros(4), "Radau", rtol=1e-9, atol=1e-14)
+        return found.y[:, -1]
+
+    # Its error is a power of its parameter: Aitken's extrapolation needs no exponent.
+    ends = np.array([end(small) for small in (1e-6, 1e-7, 1e-8)])
+    before, last = np.diff(ends, axis=0)
+    expected = ends[-1] - last**2 / (last - before)
+    found = np.array([motion.final[x] for x in ("x", "y", "d_x", "d_y")])
+    np.testing.assert_allclose(found, expected, atol=2e-7)
+
+
+def test_a_load_that_leaves_the_limit_curve_too_slowly_has_an_honest_outcome() -> None:
+    motion = puck(("(1 + t**6)*cos(t)", "(1 + t**6)*sin(t)"))
+    assert motion.outcome is ss.Outcome.NO_MODE
+    assert "fourth power" in motion.message

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.series import SINGULAR
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -310,6 +311,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
                 if begins_as_face(flow, p):
                     aim_face_order(flow, p, m)
         m += 1
+    if m >= MOST_LEADING and all_begin(flow) and not all_lead(flow):
+        return SINGULAR  # the force leaves its set too slowly for its direction to be known
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
@@ -324,6 +327,15 @@ def all_begin(flow: Flow) -> bool:
         if starts and flow.space.aims[AIMS * p + RHO, 0] < 0.0:
             return False
     return True
+
+
+@compiled()
+def all_lead(flow: Flow) -> bool:
+    """Whether the order of |Au| of all slips that begin is known."""
+    found = True
+    for p in range(len(flow.rows.planes)):
+        found = found and flow.space.aims[AIMS * p + LEADING, 0] != 0.0
+    return found
 
 
 @compiled()
