@@ -443,7 +443,7 @@ def test_warmup_says_where_machine_code_is_kept(tmp_path: Path) -> None:
 
 
 def test_shells_can_be_told_the_systems() -> None:
-    from stickslip.cli.common.present import _systems
+    from stickslip.cli.common.options import _systems
 
     assert _systems("rocking") == ["rocking_oscillator", "rocking_toy", "rocking_toy_inertial"]
     assert "--install-completion" in stickslip("--help").stdout

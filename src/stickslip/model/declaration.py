@@ -13,8 +13,8 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import NORMAL
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.names import Range, check_covered
-from stickslip.model.schema import entry_key
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite

@@ -22,8 +22,9 @@ from stickslip.model.entries.checks import (
 from stickslip.model.entries.declared import CROSSINGS, Kind
 from stickslip.model.entries.keys import NORMAL, normal_force
 from stickslip.model.entries.units import check_unit
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.names import DeclaredNames, measured_drives
-from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.schema import check_shape
 from stickslip.numerics.levels import ON_SURFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

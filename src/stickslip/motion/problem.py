@@ -7,7 +7,6 @@ import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,7 +59,7 @@ class _Bench(threading.local):
 
 
 _MOST_BENCHES = 4  # of a system, each for one order and one number of doubtful thresholds
-_MOST_POSED = 64  # sets of numbers of a system that are known to be admissible
+_MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
 _MOST_CONSTANTS = 4  # sets of matrices of a system
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
@@ -311,34 +310,12 @@ def pose(
     DeclarationError
         If a parameter is unknown or not admissible, or a tolerance is not in range.
     """
-    if not isinstance(system, System):
-        raise DeclarationError(
-            "system",
-            f"expected a System, got {type(system).__name__}",
-            "Use ss.load or ss.catalogue",
-        )
-    values = {**system.values, **(parameters or {})}
-    key = _key(values, rtol, atol)
-    check = partial(_checked, system, values, rtol, atol)
-    known = check() if key is None else made_once(system, "posed", check, key, _MOST_POSED)
-    return Problem(system, *known, exact, origin=origin)
+    numbers = checked_values(system, parameters)
+    return Problem(system, numbers, *_accuracy(rtol, atol), exact=exact, origin=origin)
 
 
-def _key(values: Mapping[str, float], *tolerances: float) -> tuple[object, ...] | None:
-    """What tells numbers from all others, bit by bit and type by type; None if some are not
-    numbers."""
-    try:
-        bits = struct.pack(f"{len(values) + 2}d", *values.values(), *tolerances)
-    except (struct.error, TypeError, ValueError, OverflowError):
-        return None
-    return (bits, *values, *map(type, values.values()), *map(type, tolerances))
-
-
-def _checked(
-    system: System, values: Mapping[str, float], rtol: float, atol: float
-) -> tuple[dict[str, float], int, float, float]:
-    """The numbers of a problem, its order and its tolerances."""
-    system.declaration.check_parameters(values)
+def _accuracy(rtol: float, atol: float) -> tuple[int, float, float]:
+    """Order of the series, and tolerances of a step."""
     for name, value, low, high in (
         ("rtol", rtol, LEAST_RTOL, 1e-3),
         ("atol", atol, _LEAST_ATOL, 1.0),
@@ -351,5 +328,34 @@ def _checked(
     # that is nearly free.
     tolerance = max(1e-3 * rtol, _FINEST)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
-    numbers = {name: float(value) for name, value in values.items()}
-    return numbers, order, tolerance, max(atol / rtol, _LEAST_UNIT)
+    return order, tolerance, max(atol / rtol, _LEAST_UNIT)
+
+
+def checked_values(system: System, parameters: Mapping[str, float] | None) -> dict[str, float]:
+    """All parameters, checked: once for the same numbers."""
+    if not isinstance(system, System):
+        raise DeclarationError(
+            "system",
+            f"expected a System, got {type(system).__name__}",
+            "Use ss.load or ss.catalogue",
+        )
+    values = {**system.values, **(parameters or {})}
+
+    def check() -> dict[str, float]:
+        system.declaration.check_parameters(values)
+        return {name: float(value) for name, value in values.items()}
+
+    key = _key(values)
+    if key is None:
+        return check()
+    return dict(made_once(system, "admissible", check, key, _MOST_ADMISSIBLE))
+
+
+def _key(values: Mapping[str, float]) -> tuple[object, ...] | None:
+    """What tells numbers from all others, bit by bit and type by type; None if some are not
+    numbers."""
+    try:
+        bits = struct.pack(f"{len(values)}d", *values.values())
+    except (struct.error, TypeError, ValueError, OverflowError):
+        return None
+    return (bits, *values, *map(type, values.values()))

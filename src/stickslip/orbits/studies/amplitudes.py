@@ -27,20 +27,14 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, near, restarted, stations_for
+from stickslip.orbits.return_map.following import flies, follow_freely, follow_state
 from stickslip.orbits.return_map.recurrence import (
     Recurrence,
     segments,
     station_time,
     window,
 )
-from stickslip.orbits.return_map.shooting import (
-    Orbit,
-    Shooting,
-    flies,
-    follow_freely,
-    follow_state,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
 from stickslip.orbits.studies.self_excitation import EXCITATION, LinearMode
 from stickslip.orbits.studies.swinging import Swinging, ValuesAndRates
 from stickslip.stopping.scopes import heed
@@ -121,6 +115,7 @@ class Amplitudes:
         by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
         size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
         size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
+        # Positions and velocities of a mode are a quarter of a period apart.
         share = np.hypot(by_place, by_rate)
         if not share > COMPUTED_ZERO * size:
             raise DeclarationError(

@@ -14,10 +14,9 @@ concept, Computers & Structures 154 (2015) 59-71.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -34,10 +33,11 @@ from stickslip.model.quantities import (
     quantity_or_formula,
 )
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import HARMONICS_KNOWN
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.over_period import harmonics_of
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
 from stickslip.orbits.studies.self_excitation import (
@@ -48,7 +48,7 @@ from stickslip.orbits.studies.self_excitation import (
 )
 from stickslip.orbits.studies.swinging import Swinging, read_swinging
 from stickslip.progress import watched
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import CERTIFICATE, PLAIN, Completion, Result, shortened, together
 from stickslip.stopping.scopes import TimeUp, limited
 
 if TYPE_CHECKING:
@@ -88,6 +88,15 @@ class Backbone(Result):
     """
 
     KIND: ClassVar[str] = "backbone"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "mode": together("coordinate", "mode", "linear_frequency"),
+        "notes": PLAIN,
+        "certificate": CERTIFICATE,
+        "complete": PLAIN,
+        "time_up": PLAIN,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -125,11 +134,6 @@ class Backbone(Result):
     def damping(self) -> Array:
         """Damping ratios, shape (points,)."""
         return self.dataset["damping"].values
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -203,37 +207,6 @@ class Backbone(Result):
     def overview(self, ax: Axes | None = None) -> Figure:
         """Frequency over the amplitude with the damping below."""
         return self.plot(ax=ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The numbers, and everything else as data."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "mode": [self.coordinate, self.mode, self.linear_frequency],
-            "notes": self.notes,
-            "certificate": asdict(self.certificate),
-            "complete": self.complete,
-            "time_up": self.time_up,
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored backbone."""
-        from stickslip.model.system_file import loads
-
-        coordinate, mode, frequency = json.loads(parts["mode"])
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            coordinate,
-            mode,
-            frequency,
-            data,
-            json.loads(parts["notes"]),
-            restored_certificate(json.loads(parts["certificate"])),
-            json.loads(parts["complete"]),
-            json.loads(parts["time_up"]),
-        )
 
 
 @validated

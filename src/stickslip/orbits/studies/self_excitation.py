@@ -196,6 +196,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
                 stiffness[i, j] = ex.evaluate(slope, at)
             if not (np.all(np.isfinite(force)) and np.all(np.isfinite(stiffness))):
                 return None
+            # Least squares, since the stiffness is singular along a translation.
             step = np.linalg.lstsq(stiffness, force, rcond=None)[0]
             rest = rest - step
             if np.linalg.norm(step) <= _AT_REST * np.linalg.norm(rest):
@@ -210,6 +211,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
 
     known = [found for at in (np.zeros(n), begin) if (found := rests(at)) is not None]
     for rest, stiffness in known:
+        # Of forces without a potential only the symmetric part of their slopes counts.
         squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
         modes = [
             LinearMode(float(np.sqrt(w)), shape, rest, mass)
