@@ -126,6 +126,9 @@ def measure(
     if m.outcome[i] == PERIODIC:
         shorten(e, m, rules, saved, bench, i)
     copy_lane(saved, i, s, i)
+    # What is measured is a motion of its own, whose errors count beside its own size. It may have
+    # come from afar, to a rest at zero.
+    fill(s.seen[i], 0.0)
     stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
         fill(part, 0.0)
