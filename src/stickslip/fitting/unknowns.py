@@ -93,7 +93,6 @@ def read_unknowns(
         raise DeclarationError(
             "free", "there are no unknowns to fit", 'Give the unknowns, like {"k": (1, 10)}'
         )
-    state = list(system.declaration.state)
     for record in records:
         system.check_starts([*record.initial, *table], "free")
     found: list[Unknown] = []
@@ -110,7 +109,7 @@ def read_unknowns(
         elif system.start_slope(name, "free"):
             found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
         else:
-            known = suggestion(name, [*system.parameters, *state])
+            known = suggestion(name, [*system.parameters, *system.starts])
             raise DeclarationError(f"free.{name}", "unknown parameter or part of the state", known)
     return tuple(found)
 

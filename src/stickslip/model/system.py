@@ -220,6 +220,21 @@ class System:
 
         return shown_of(self.written_structures)
 
+    @property
+    def started_unknowns(self) -> list[str]:
+        """Unknowns of structures that results show, and their rates, of which initial values may be
+        given."""
+        if not self.structures:
+            return []
+        from stickslip.structures.coordinates import started_of
+
+        return started_of(self.written_structures)
+
+    @property
+    def starts(self) -> list[str]:
+        """Names of initial values: of unknowns of structures, and of parts of the state."""
+        return [*self.started_unknowns, *self.declaration.state]
+
     @cached_property
     def places(self) -> list[str]:
         """Where things are: coordinates as declared, and unknowns of structures."""

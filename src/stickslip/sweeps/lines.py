@@ -26,7 +26,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import derive
-from stickslip.errors import ConvergenceError, DeclarationError, short, suggestion
+from stickslip.errors import ConvergenceError, DeclarationError, listing, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.quantities import ENERGIES, contact_key, described, described_as, quantity
 from stickslip.model.system import Output, System
@@ -130,15 +130,29 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    with_output, followed = _followed(system, of)
-    text, formula = read_drive(with_output, followed, drive)
     levels_given = [{level: value} for value in values] or [{}]
+
+    def at_first(name: str, text: str, formula: Expr) -> _Level:
+        return _Level(
+            system, parameter, (low, high), name, text, formula, {**fixed, **levels_given[0]}
+        )
+
+    def answers(name: str) -> None:
+        """Refuse a quantity that does not repeat, or has no phase."""
+        _check_periodic(system, name)
+        at_first(name, *read_drive(system, name, drive)).check_phase()
+
+    at_first("", "", ex.ZERO).check_frequency()
+    with listing(answers):
+        with_output, followed = _followed(system, of)
+    text, formula = read_drive(with_output, followed, drive)
     wanted = [
         _Level(with_output, parameter, (low, high), followed, text, formula, {**fixed, **one})
         for one in levels_given
     ]
     for one in wanted:
-        one.check()
+        one.check_frequency()
+        one.check_phase()
     found = list[_Lines]()
     ended: BaseException | None = None
     what = f"a response of {system.name}"
@@ -167,6 +181,19 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
     of = _first(system) if of is None else of
     if of in system.followed:
         return system, of
+    _check_periodic(system, of)
+    taken = {*system.outputs, *system.declaration.results.names}
+    taken |= system.declaration.results.definitions.keys()
+    name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
+        return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
+
+
+def _check_periodic(system: System, of: str) -> None:
+    """Refuse a formula that does not repeat with the motion."""
+    if of in system.followed:
+        return
     formula = read_formula(system, of, "of")
     if formula.symbols & {*ENERGIES} - {"energy"} or _grows(formula):
         raise DeclarationError(
@@ -174,12 +201,6 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
             f"'{short(of)}' is not periodic",
             "Time may appear inside periodic functions; energies that add up may not appear",
         )
-    taken = {*system.outputs, *system.declaration.results.names}
-    taken |= system.declaration.results.definitions.keys()
-    name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
-        return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
 
 
 def _grows(e: Expr) -> bool:
@@ -204,7 +225,7 @@ def _levels(
     if not levels:
         return "", []
     try:
-        axes = read_axes(system, levels)
+        axes = read_axes(system, levels, known=[x for x in system.parameters if x != parameter])
     except DeclarationError as error:
         where = error.where.replace("over", "levels", 1)
         raise DeclarationError(where, error.reason, error.remedy) from None
@@ -258,8 +279,8 @@ class _Level:
         values = {**self.fixed, self.parameter: self.span[1]}
         return clock(self.system, derive(self.system.declaration), values)
 
-    def check(self) -> None:
-        """See that there is a drive whose period the parameter changes, and that it has a phase.
+    def check_frequency(self) -> None:
+        """See that there is a drive whose period the parameter changes.
 
         Raises
         ------
@@ -285,6 +306,15 @@ class _Level:
                 f"it does not change the period of the drives, {high:.9g}",
                 "Choose the parameter that changes their frequency",
             )
+
+    def check_phase(self) -> None:
+        """See that the drive has a phase.
+
+        Raises
+        ------
+        DeclarationError
+            If it has none.
+        """
         self.phase_of_drive(self.span[1])
 
     def phase_of_drive(self, value: float) -> float:

@@ -253,7 +253,7 @@ def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
         return {name: 1.0}
     slope = trajectory.system.start_slope(name, "sensitivity")
     if not slope:
-        known = [*trajectory.parameters, *trajectory.system.declaration.state]
+        known = [*trajectory.parameters, *trajectory.system.starts]
         raise DeclarationError(
             f"sensitivity: {name}",
             "unknown parameter or part of the state",

@@ -24,7 +24,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, listing
 from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import (
     contact_key,
@@ -303,14 +303,20 @@ def backbone(
     if isinstance(points, bool) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     excited = self_excited(system, values)
-    swinging = read_swinging(system, of, {**system.values, **values})
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
             "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
-    seeker = Amplitudes(excited, values, chosen, swinging)
+
+    def moved(name: str | None) -> Amplitudes:
+        """Refuse a quantity that the mode does not move."""
+        swinging = read_swinging(system, name, {**system.values, **values})
+        return Amplitudes(excited, values, chosen, swinging)
+
+    with listing(moved):
+        seeker = moved(of)
     wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
