@@ -282,7 +282,8 @@ def backbone(
     ------
     DeclarationError
         If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
-        not constant, or small oscillations of the mode do not change the quantity.
+        not constant, small oscillations of the mode do not change the quantity, or the mode is
+        overdamped.
     ConvergenceError
         If no cycle is found at any amplitude.
 
@@ -327,6 +328,16 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
+    if not work.found and chosen.overdamped:
+        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped]
+        raise DeclarationError(
+            "mode",
+            f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
+            "oscillations, so it does not oscillate and has no backbone",
+            f"Choose one of the modes {', '.join(others)}, or reduce the damping"
+            if others
+            else "Reduce its damping below critical",
+        )
     if not work.found:
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
