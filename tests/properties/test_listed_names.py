@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -197,10 +198,8 @@ def check(door: Callable[[str], Any]) -> list[str]:
         door(UNKNOWN)
     names = listed(str(refused.value))
     for name in names:
-        try:
+        with suppress(ss.ConvergenceError):  # the name is not at fault
             door(name)
-        except ss.ConvergenceError:
-            pass  # the name is not at fault
     return names
 
 

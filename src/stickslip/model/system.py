@@ -268,11 +268,13 @@ class System:
         Raises
         ------
         DeclarationError
-            If there is no such unknown, or its value determines none of the modes.
+            If there is no such unknown, its value determines none of the modes, or two values
+            conflict.
         """
         unknowns = [name for name in given if is_entry(name)]
         if not unknowns or not self.structures:
             return dict(given)
+        self.check_starts(given, "initial")
         from stickslip.structures.coordinates import start_of
 
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
@@ -487,6 +489,7 @@ class System:
         if structures := self.written_structures:
             from stickslip.structures.coordinates import start_of
 
+            self.check_starts(given, "values")
             given = start_of(structures, given, "values")
         return self.declaration.value(expression, {**self.values, **given})
 

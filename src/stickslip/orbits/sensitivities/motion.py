@@ -218,6 +218,7 @@ def follow(
     """
     problem = trajectory._problem
     state = tuple(problem.compiled.layout.state)
+    _check_names(trajectory, names)
     slopes = [_start_slope(trajectory, name) for name in names]
     free = tuple(dict.fromkeys(x for slope in slopes for x in slope if x not in state))
     pieces = _pieces_of(trajectory, free)
@@ -238,6 +239,15 @@ def follow(
     if touching:
         missing += touched(trajectory, pieces)
     return Followed(found, sorted(missing))
+
+
+def _check_names(trajectory: Trajectory, names: Sequence[str]) -> None:
+    """Refuse names of one parameter or initial value twice, and initial values that are not
+    independent: which others are fixed would be ambiguous."""
+    for name in names:
+        if list(names).count(name) > 1:
+            raise DeclarationError(f"sensitivity: {name}", "it is given twice", "Give it once only")
+    trajectory.system.check_starts(names, "sensitivity")
 
 
 def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
