@@ -284,8 +284,13 @@ def dying(case: str) -> ss.System:
         stiff = stiffness * 10.0 ** rng.uniform(0.0, 4.0)
         body = ss.Structure(mass, stiff, ss.ModalDamping(ratio), names={"tip": n - 1})
         place, k = "d_u[0]", 3.0
-    joint = ss.laws.jenkins(place, F_c=1e9, k=k)
-    return ss.System("dying", structures={"u": body}, contacts={"joint": joint})
+    return ss.System(
+        "dying",
+        parameters={"F": 0.0},
+        structures={"u": body},
+        forces={"u[tip]": "F*cos(120*t)"},
+        contacts={"joint": ss.laws.jenkins(place, F_c=1e9, k=k)},
+    )
 
 
 @pytest.mark.parametrize("case", ["blade", *map(str, range(1, 7))])

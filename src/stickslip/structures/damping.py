@@ -83,8 +83,8 @@ class ModalDamping:
     ----------
     ratios : float, str, or sequence of these
         ζ of the modes, in order of frequency, at most one for each; the last one applies to all
-        further modes, so a single number applies to all. A string is a formula of parameters of the system, as in
-        ``ModalDamping("zeta")``.
+        further modes, so a single number applies to all. A string is a formula of parameters of the
+        system, as in ``ModalDamping("zeta")``.
 
     Raises
     ------

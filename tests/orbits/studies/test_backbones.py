@@ -266,7 +266,7 @@ def test_overdamped_modes_have_no_backbone(ratio: float) -> None:
 
 def test_overdamped_modes_name_those_that_are_not() -> None:
     system = strongly_damped([0.05, 2.0, 0.3])
-    with pytest.raises(ss.DeclarationError, match="mode 2 is overdamped.*Choose.* modes 1, 3, or"):
+    with pytest.raises(ss.DeclarationError, match=r"mode 2 is overdamped.*Choose.* modes 1, 3, or"):
         ss.backbone(system, (0.1, 1.0), mode=2, points=3)
     for mode in (1, 3):
         assert ss.backbone(system, (0.1, 1.0), mode=mode, points=3).certificate.ok
