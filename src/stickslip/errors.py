@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
@@ -103,7 +103,7 @@ _trying: ContextVar[bool] = ContextVar("trying", default=False)
 
 
 @contextmanager
-def listing(accepts: Check) -> Iterator[None]:
+def listing(accepts: Check) -> Generator[None]:
     """Let messages list only names that an argument accepts, whatever is known of them deeper
     down; the outermost argument counts.
 
