@@ -277,7 +277,7 @@ class Problem:
                 self.system.check_starts(values, "initial")
             given = start_of(structures, {**self.system.initial, **initial})
         for name, value in given.items():
-            check_initial(declaration, name, value)
+            check_initial(declaration, name, value, self.system.started_unknowns)
         given = {**self.system.plain.initial, **given}
         return np.array([float(given.get(name, 0.0)) for name in declaration.state])
 
