@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from seeds import seeds
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.model.system_file import dumps, loads
@@ -18,7 +19,7 @@ TEXTS = {
     path.name: path.read_text(encoding="utf-8")
     for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 }
-SEEDS = range(200)
+SEEDS = seeds(200)
 
 VALUES = [
     "3",
