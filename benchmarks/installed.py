@@ -186,6 +186,9 @@ def main() -> None:
 
 
 REMARK = """\
+The wall clock depends on what else the machine does: compare it with that of Python by itself, and
+with the time of the processor, which is what the goals are about on an idle machine.
+
 The goal of 350 MB for the core is missed. llvmlite, SciPy and NumPy alone exceed it: llvmlite is
 LLVM, which compiles the functions of every new system (the engine itself comes compiled), and
 cycles, equilibria, fits and structures use SciPy's linear algebra, optimisation and sparse
