@@ -18,6 +18,7 @@ from stickslip.explorer.asking.limits import MOST_TEXT
 
 HALF = "\ud800"  # of a character: no text that is written has it
 BELT = {"model": "belt_block"}
+LONG = {"model": "two_block_rate_and_state", "until": 3e12}  # more than a worker may take
 PLACES: dict[str, dict[str, Any]] = {
     "a name of a value": {"what": "motion", "setting": BELT | {"values": {HALF: 1}}},
     "a formula": {"what": "motion", "setting": BELT | {"values": {"mu": HALF}}},
@@ -47,12 +48,13 @@ def test_half_a_character_is_refused_or_ignored(victim: Victim, place: str) -> N
 
 
 def test_large_questions_are_not_collected(victim: Victim) -> None:
-    """Each in a lane of its own, with as much text as fits."""
+    """Each in a lane of its own, with much text, and none is answered soon."""
     before, count = victim.memory, 700
 
     async def attack(page: Page) -> float:
         for i in range(count):
-            question = {"serial": i, "lane": f"lane {i}", "what": "map", "setting": BELT}
+            question: dict[str, Any] = {"serial": i, "lane": f"lane {i}", "what": "motion"}
+            question["setting"] = LONG
             junk = {"junk": "x" * (MOST_TEXT - 1000)}
             await page.say(json.dumps(question | {"options": junk}))
         with suppress(TimeoutError):
@@ -88,8 +90,7 @@ def test_workers_that_are_killed_again_and_again(victim: Victim) -> None:
 
     async def attack(page: Page) -> None:
         for i in range(2):
-            setting = {"model": "two_block_rate_and_state", "until": 3e12 + i}
-            await page.ask("motion", setting, lane="motion")
+            await page.ask("motion", LONG | {"until": 3e12 + i}, lane="motion")
             answer = asyncio.create_task(page.answer(120.0))
             for seconds in (0.5, 1.0, 2.0, 4.0, 8.0):  # a new one takes a while to be there
                 await asyncio.wait({answer}, timeout=seconds)
