@@ -27,7 +27,7 @@ OURS = "**stickslip**"
 
 MUJOCO = """
 import json, math, mujoco
-JOINT = '''<mujoco><option timestep="{step}" integrator="implicitfast" gravity="0 0 {gravity}"
+JOINT = '''<mujoco><option timestep="{step}" integrator="{scheme}" gravity="0 0 {gravity}"
   {option}/><worldbody><body><joint name="q" type="hinge" axis="0 1 0" frictionloss="5" {joint}/>
   <inertial pos="0.5 0 0" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody></mujoco>'''
 BLOCK = '''<mujoco><option timestep="{step}" integrator="implicitfast" gravity="{along} 0 {down}"
@@ -45,8 +45,8 @@ def follow(model, data, seconds, effort=lambda t: 0.0):
         mujoco.mj_step(model, data)
     return float(data.qpos[0])
 
-def checks(step, option="", joint=""):
-    given = dict(step=step, option=option, joint=joint)
+def checks(step, option="", joint="", scheme="implicitfast"):
+    given = dict(step=step, option=option, joint=joint, scheme=scheme)
     held = follow(*loaded(JOINT, gravity=-9.81, **given), 100.0)
     pushed = follow(*loaded(JOINT, gravity=0.0, **given), 100.0, lambda t: 4.905)
     turned = follow(
@@ -70,6 +70,7 @@ STIFF = 'solreffriction="0.004 1" solimpfriction="0.9999 0.9999 0.001"'
 NOSLIP = 'noslip_iterations="10" noslip_tolerance="0"'
 joints = {
     "as it comes, steps of 2 ms": checks(0.002),
+    "discrete integrator, steps of 2 ms": checks(0.002, scheme="discrete"),
     "stiffer friction, steps of 2 ms": checks(0.002, joint=STIFF),
     "NoSlip, steps of 2 ms": checks(0.002, NOSLIP),
     "NoSlip, steps of 0.2 ms": checks(0.0002, NOSLIP),
