@@ -344,6 +344,17 @@ def test_tables_of_measurements_are_those_that_were_written(page: str, results: 
     assert [row for row in rows if row not in WRITTEN[page].splitlines()] == []
 
 
+def test_the_size_of_an_installation_is_what_was_measured() -> None:
+    told = (ROOT / "benchmarks" / "results" / "installed.md").read_text(encoding="utf-8")
+    core, everything = (
+        re.search(rf"^\| the core{name} \| \d+ \| (\d+) \|$", told, re.MULTILINE)
+        for name in ("", " and `all`")
+    )
+    assert core is not None and everything is not None
+    said = f"the core takes {core[1]} MB, `stickslip[all]` {everything[1]} MB"
+    assert said in WRITTEN["start.md"]
+
+
 def test_links_lead_somewhere() -> None:
     """From page to page; ``make docs`` looks at the built site, and at places on pages, too."""
     generated = {place for maker in pages.MAKERS if maker is not tables for place in maker.pages()}
