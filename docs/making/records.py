@@ -13,7 +13,7 @@ _ORDER = (
     "start motion orbits harmonic_balance time_stepping sweep maps samples chains evolution "
     "averages dense_steps versions"
 ).split()
-_APART = ("truth", "wrong")
+_APART = ("truth", "wrong", "holding", "cart_pendulum")  # on pages of their own
 
 
 def pages() -> dict[str, str]:
