@@ -12,6 +12,8 @@ from stickslip.arrays import Array
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _TABLE = np.frombuffer(LETTERS.encode(), np.uint8)
 _VALUE, _TIME = 2, 3  # letters
+_FAR = 1e30
+_JUMP = 0.1  # of a range, between neighbouring samples
 _SAME = 1e-4  # of a range, within which two curves have the same shape
 
 
@@ -39,6 +41,8 @@ class Shapes:
         near : float
             How far straight lines between its samples may be from it, as a fraction of its range.
         """
+        # What is without bound, such as a threshold, is outside of any figure.
+        values = np.nan_to_num(values, posinf=_FAR, neginf=-_FAR)
         low, high = float(np.min(values)), float(np.max(values))
         if not high - low > 1e-12 * max(abs(low), abs(high)):
             return [-1, short_number(low), short_number(low)]
@@ -125,6 +129,9 @@ def needed(times: Array, curve: Array, near: float) -> Array:
     """
     chosen = np.zeros(len(times), bool)
     chosen[[0, -1]] = True
+    jumps = np.abs(np.diff(curve)) > _JUMP
+    chosen[:-1] |= jumps
+    chosen[1:] |= jumps
     number = np.arange(len(times))
     while True:
         index = np.flatnonzero(chosen)

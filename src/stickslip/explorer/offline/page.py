@@ -29,7 +29,6 @@ _FILES = Path(__file__).parents[1] / "page"
 _SCRIPTS = ("offline", "mechanism", "offline-figures", "offline-controls")
 _STYLES = ("common", "offline")
 _MOST_TEXT = 60_000  # characters of a model file in a page
-_ENDINGS = (".html", ".htm")
 
 
 @dataclass(frozen=True)
@@ -39,32 +38,36 @@ class Exported:
     Attributes
     ----------
     path : Path
-    points : int
-        At which a motion is stored, or why there is none.
-    certified : int
-        Motions that are certified.
-    cycles, certified_cycles : int
+    motions, cycles : int
+        How many are stored.
+    certified, certified_cycles : int
+        How many of these are certified.
+    missing : int
+        Points without a motion.
     size : int
         In bytes.
     """
 
     path: Path
-    points: int
+    motions: int
     certified: int
     cycles: int
     certified_cycles: int
+    missing: int
     size: int
 
     @property
     def ok(self) -> bool:
         """Whether every motion and every cycle is certified."""
-        return self.certified == self.points and self.certified_cycles == self.cycles
+        return self.certified == self.motions and self.certified_cycles == self.cycles
 
     def describe(self) -> str:
         """One line."""
-        said = [str(self.path) + ": " + _counted(self.points, self.certified, "motion")]
+        said = [f"{self.path}: {_counted(self.motions, self.certified, 'motion')}"]
         if self.cycles:
             said.append(_counted(self.cycles, self.certified_cycles, "cycle"))
+        if self.missing:
+            said.append(f"{self.missing} point{'s'[: self.missing - 1]} without a motion")
         return "; ".join([*said, f"{self.size / 1e6:.2f} MB"])
 
 
@@ -108,15 +111,16 @@ def export_page(
     text = page_text(system, plan, stored)
     with storage.replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
-    (certified, _), (certified_cycles, cycles) = map(stored.certified, ("motion", "cycle"))
+    (certified, motions), (certified_cycles, cycles) = map(stored.certified, ("motion", "cycle"))
+    missing = len(stored.records) - motions
     size = len(text.encode())
-    return Exported(path, len(stored.records), certified, cycles, certified_cycles, size)
+    return Exported(path, motions, certified, cycles, certified_cycles, missing, size)
 
 
 def _checked(path: str | Path, where: str) -> Path:
     """The path, if a page can be written there; motions are computed for minutes before it is."""
     path = Path(path)
-    if path.suffix.lower() not in _ENDINGS:
+    if path.suffix.lower() != ".html":
         reason = f"'{path}' does not end in .html"
         raise DeclarationError(where, reason, "Write it like page.html")
     if path.is_dir() or not path.parent.is_dir():
@@ -129,7 +133,9 @@ def page_text(system: System, plan: Plan, stored: Stored) -> str:
     """The file."""
     scripts = "\n".join(f"{{\n{_read(f'{name}.js')}}}" for name in _SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(scripts.encode()).digest()).decode()
-    data = json.dumps(_data(system, plan, stored), ensure_ascii=False, separators=(",", ":"))
+    data = json.dumps(
+        _data(system, plan, stored), ensure_ascii=False, allow_nan=False, separators=(",", ":")
+    )
     parts = {
         "policy": f"default-src 'none'; script-src 'sha256-{digest}'; "
         "style-src 'unsafe-inline'; img-src data:",

@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
+from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE, SECONDS
 from stickslip.explorer.drawings.draw import scene_of
 from stickslip.explorer.offline.curves import Shapes, short_number
 from stickslip.explorer.offline.plan import Plan
@@ -29,9 +30,10 @@ if TYPE_CHECKING:
 _ROWS = 4  # over the time
 _MOST_LINES = 6  # of a row
 _MOST_SHAPES = 24  # of a motion with its moving picture; of more, the picture is left out
-_NEAR = 2e-3  # of the range of a curve: half a pixel of a figure
+_NEAR = (6e-4, 2e-3)  # of the range of a curve: an eighth of a pixel of a figure, or half a pixel
 _ROUGH = 1.5e-2  # of the range of what moves in the picture
 _MOST_BYTES = 3_000_000  # of all motions of a page
+_SMALL = 1_000_000  # up to which curves are drawn more finely
 _FIRST = 6  # motions after which it is known how large the page will be
 _SECONDS = 5.0  # for a cycle
 
@@ -83,7 +85,11 @@ def stored_motions(system: System, plan: Plan, show: Show) -> Stored:
         key = frozenset({**system.values, **system.initial, **given}.items())
         if key not in known:
             known[key] = len(stored.records)
-            stored.records.append(writer.point(given))
+            record = writer.point(given)
+            if number == 0 and len(json.dumps(record)) * len(points) > _SMALL:
+                writer.near = _NEAR[1]
+                record = writer.point(given)
+            stored.records.append(record)
             size += len(json.dumps(stored.records[-1]))
             _check_size(size, len(stored.records), len(points))
         stored.points.append(known[key])
@@ -109,6 +115,7 @@ class _Writer:
     def __init__(self, system: System) -> None:
         self.system = system
         self.stored = Stored()
+        self.near = _NEAR[0]
 
     def point(self, given: Mapping[str, float]) -> dict[str, Any]:
         """The motion at a point, and its cycle; or why there is none."""
@@ -119,10 +126,14 @@ class _Writer:
         initial = {name: v for name, v in given.items() if name not in values}
         try:
             motion = simulate(
-                system, parameters=values, initial=initial, max_events=EVENTS_OF_A_PAGE
+                system,
+                parameters=values,
+                initial=initial,
+                max_events=EVENTS_OF_A_PAGE,
+                time_limit=SECONDS["motion"],
             )
         except StickslipError as error:
-            return {"refused": _reason(error)}
+            return {"refused": _reason(error, system)}
         if motion.outcome.interrupted:
             raise KeyboardInterrupt
         said = verdict(motion)
@@ -138,7 +149,7 @@ class _Writer:
             start = motion if motion.outcome.ok else None
             cycle = find_cycle(system, start, parameters=values, time_limit=_SECONDS)
         except StickslipError as error:
-            return {**found, "no cycle": _reason(error)}
+            return {**found, "no cycle": _reason(error, system)}
         rows = dict(cycle.summary().rows)
         facts = [f"{name} {rows[name]}" for name in ("period", "drift") if name in rows]
         found["cycle"] = {
@@ -155,9 +166,9 @@ class _Writer:
         times, index, values = seen_times(motion, list(about["symbols"]), None)
         modes = {key: mode[index].astype(np.int32) for key, mode in motion.modes.items()}
         if not self.stored.lines:
-            self.stored.lines = _lines(about, tuple(modes))
+            self.stored.lines = _lines(about, tuple(modes), values)
         shapes = Shapes(times)
-        drawn = {name: shapes.add(values[name], _NEAR) for name in self.stored.lines["names"]}
+        drawn = {name: shapes.add(values[name], self.near) for name in self.stored.lines["names"]}
         scene = self.scene(motion, {**values, **_named(modes)}, shapes)
         phases = stick_phases(motion)
         del phases["switches"]
@@ -195,14 +206,18 @@ class _Writer:
         return {"scene": self.stored.scenes.index(head), "places": places}
 
 
-def _lines(about: Mapping[str, Any], contacts: Sequence[str]) -> dict[str, Any]:
-    """Which quantities are drawn over the time, and how they are written."""
+def _lines(
+    about: Mapping[str, Any], contacts: Sequence[str], values: Mapping[str, Array]
+) -> dict[str, Any]:
+    """Which quantities are drawn over the time, and how they are written; forces that are not zero
+    throughout come first."""
     of: dict[str, list[dict[str, Any]]] = {}
     for group in about["groups"]:
         of.setdefault(group["kind"], []).append(group)
     first = of.get("coordinate", [])[:2]
     rows = [*first, *of.get("internal", [])[: 2 - len(first)], *of.get("rate", [])[:1]][:3]
-    rows += of.get("friction", [])[: _ROWS - len(rows)]
+    forces = sorted(of.get("friction", []), key=lambda group: not np.any(values[group["names"][0]]))
+    rows += forces[: _ROWS - len(rows)]
     rows = [{**row, "names": row["names"][:_MOST_LINES]} for row in rows]
     names = list(dict.fromkeys(name for row in rows for name in row["names"]))
     return {
@@ -224,7 +239,7 @@ def _counted(switches: int) -> str:
     return "1 switch" if switches == 1 else f"{switches:,} switches"
 
 
-def _reason(error: StickslipError) -> str:
-    """Why something could not be computed."""
-    text = str(error)
-    return text if len(text) <= 300 else f"{text[:297]}..."
+def _reason(error: StickslipError, system: System) -> str:
+    """Why something could not be computed, as briefly as a page needs it."""
+    text = str(error).removeprefix(f"a cycle of {system.name}: ")
+    return shorten(text, 200, placeholder=" ...")

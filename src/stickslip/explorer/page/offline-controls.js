@@ -26,7 +26,7 @@ const sliders = stored.sliders.map((slider, i) => {
   return {slider, input, output, strip, host: element("div", {class: "value", "data-name": slider.name}, label, input, strip)}
 })
 $("sliders").replaceChildren(...sliders.map((s) => s.host))
-document.body.classList.toggle("few", sliders.length <= 2)
+document.body.classList.toggle("few", sliders.length <= 3)
 
 explorer.showValues = () => {
   sliders.forEach(({slider, input, output, strip, host}, i) => {
@@ -96,8 +96,8 @@ explorer.showVerdicts = (record) => {
   if (cycle) say("cycle-said", cycle.certified, cycle.certified ? "Cycle certified" : "Cycle not certified", `: ${cycle.text}`, cycle.word.replace(/^(not )?certified: /, ""))
   else say("cycle-said", null, "No cycle", "", record["no cycle"] ?? "")
   $("show-cycle").disabled = !cycle
-  $("show-motion").setAttribute("aria-pressed", String(!(state.cycle && cycle)))
-  $("show-cycle").setAttribute("aria-pressed", String(Boolean(state.cycle && cycle)))
+  for (const kind of ["motion", "cycle"]) $(`show-${kind}`).setAttribute("aria-pressed", String(explorer.kind === kind))
+  $("same").setAttribute("aria-pressed", String(state.same[explorer.kind]))
 }
 $("show-motion").addEventListener("click", () => { state.cycle = false; explorer.draw() })
 $("show-cycle").addEventListener("click", () => { state.cycle = true; explorer.draw() })
@@ -108,15 +108,17 @@ const of = (kind) => lines.rows.filter((row) => row.kind === kind).flatMap((row)
 const choices = lines.names.filter((name) => !name.startsWith("threshold_"))
 state.x = of("coordinate")[0] ?? choices[0]
 state.y = choices.includes(`d_${state.x}`) ? `d_${state.x}` : choices.find((name) => name !== state.x) ?? state.x
-// Where one motion goes much farther than most, each has axes of its own at first.
+// One quantity has no plane.
+document.querySelector("main").classList.toggle("flat", choices.length < 2)
+
+// Where some go much farther than most, or elsewhere, each point has axes of its own at first.
 const MUCH = 4
-const isOdd = (name) => {
-  const sizes = stored.records.filter((r) => r.motion).map(({motion}) => Math.abs(motion.q[name][2] - motion.q[name][1])).sort((a, b) => a - b)
-  const [low, high] = explorer.ends(name)
+const isOdd = (name, kind) => {
+  const sizes = stored.records.filter((r) => r[kind]).map((r) => Math.abs(r[kind].q[name][2] - r[kind].q[name][1])).sort((a, b) => a - b)
+  const [low, high] = explorer.ends(name, kind)
   return high - low > MUCH*sizes[sizes.length >> 1]
 }
-state.same = ![state.x, state.y].some(isOdd)
-$("same").setAttribute("aria-pressed", String(state.same))
+for (const kind of ["motion", "cycle"]) state.same[kind] = !choices.some((name) => isOdd(name, kind))
 for (const key of ["x", "y"]) {
   const select = $(`plane-${key}`)
   select.replaceChildren(...choices.map((name) => element("option", {value: name, selected: name === state[key]}, lines.plain[name].replace(/^friction_(.*)/, (_, contact) => `friction, ${contact.replaceAll("_", " ")}`))))
@@ -126,8 +128,7 @@ $("sticks-of").hidden = lines.contacts.length < 2
 $("sticks").replaceChildren(element("option", {value: ""}, "all contacts"), ...lines.contacts.map((name) => element("option", {value: name}, name.replaceAll("_", " "))))
 $("sticks").addEventListener("change", () => { state.stick = $("sticks").value; explorer.draw() })
 $("same").addEventListener("click", () => {
-  state.same = !state.same
-  $("same").setAttribute("aria-pressed", String(state.same))
+  state.same[explorer.kind] = !state.same[explorer.kind]
   explorer.draw()
 })
 
@@ -139,14 +140,14 @@ clock.take = () => {
   const scrub = $("scrub")
   scrub.min = span[0]
   scrub.max = span[1]
-  if (!(state.time >= span[0] && state.time <= span[1])) state.time = span[0]
+  state.time = Math.min(Math.max(state.time, span[0]), span[1])
 }
 clock.place = () => {
   $("scrub").value = state.time
   $("clock").textContent = explorer.motion ? `t = ${number(state.time, 4)} ${lines.time_unit}` : ""
   explorer.placeNow(state.time)
 }
-clock.set = (time) => { state.time = time; clock.place() }
+clock.set = (time) => { state.time = time; clock.take(); clock.place() }
 
 // A motion is shown in about twelve seconds, a cycle in four.
 const SECONDS = {motion: 12, cycle: 4}
@@ -154,7 +155,7 @@ let before = 0
 const frame = (now) => {
   if (!state.playing || explorer.motion === null) return
   const [first, last] = explorer.motion.packed.t
-  const seconds = SECONDS[state.cycle ? "cycle" : "motion"]
+  const seconds = SECONDS[explorer.kind]
   const time = state.time + Math.min(now - before, 200) / 1000*(last - first) / seconds
   before = now
   clock.set(time > last ? first : time)
@@ -206,6 +207,7 @@ if (stored.others.length) $("tables").append(table(["fixed", "", "value"], store
 $("tables").append(element("p", {}, `Motions from t = ${exact(stored.span[0])} to ${withUnit(stored.span[1], lines.time_unit)}.`))
 const doubts = doubtful()
 $("tables").append(doubts.length ? table(["not certified", ""], doubts) : element("p", {}, "All stored motions and cycles are certified."))
+$("again").textContent = stored.command.endsWith(".toml") ? ` (${stored.command} is the model file below)` : ""
 $("model").hidden = stored.toml === ""
 $("toml").textContent = stored.toml
 $("made").textContent = `Computed by stickslip ${stored.version} from the model ${stored.name}. This page makes no requests; save it to keep it.`

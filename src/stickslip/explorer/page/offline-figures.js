@@ -2,7 +2,7 @@
 const {svg, element, number} = explorer
 const {lines} = explorer.stored
 const LEFT = 62, RIGHT = 12
-const left = () => innerWidth < 700 ? 46 : LEFT
+const left = () => window.innerWidth < 700 ? 46 : LEFT
 
 const ticks = (low, high, count) => {
   const rough = (high - low) / count
@@ -28,15 +28,15 @@ const airy = ([low, high], part = 0.06) => {
 }
 const union = (all) => [Math.min(...all.map((e) => e[0])), Math.max(...all.map((e) => e[1]))]
 const rangeOf = (names) => airy(union(names.map((name) => {
-  const {motion, turn, state} = explorer
-  if (state.same) return explorer.ends(name)
-  return union([motion, turn].filter(Boolean).map((one) => explorer.ends(name, one)))
+  const {motion, turn, state, kind} = explorer
+  if (state.same[kind]) return explorer.ends(name, kind)
+  return union([motion, turn].filter(Boolean).map((one) => explorer.endsOf(name, one)))
 })))
 
 // An empty figure: its frame, and where numbers are in it.
 const frame = (host, across, up, options) => {
   const width = host.clientWidth || 600, height = host.clientHeight
-  const box = {left: left(), right: width - RIGHT, top: 6, bottom: height - (options.axis ? (options.name ? 36 : 22) : 6)}
+  const box = {left: left(), right: width - RIGHT, top: options.name ? 22 : 6, bottom: height - (options.axis ? (options.name ? 36 : 22) : 6)}
   const x = (v) => box.left + (v - across[0]) / (across[1] - across[0])*(box.right - box.left)
   const y = (v) => box.bottom - (v - up[0]) / (up[1] - up[0])*(box.bottom - box.top)
   const root = svg("svg", {viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": options.about})
@@ -83,6 +83,7 @@ explorer.makeRows = () => {
   explorer.$("rows").replaceChildren(...heads.flatMap(({head, host}) => [head, host]))
 }
 
+const MOST = 2.5  // times the largest force, up to which thresholds are shown
 const drawRow = ({row, host}, i, motion) => {
   const last = i === lines.rows.length - 1
   const friction = row.kind === "friction"
@@ -90,7 +91,7 @@ const drawRow = ({row, host}, i, motion) => {
   if (friction) {
     // Thresholds may be without bound; the force is not.
     const [low, high] = range, reach = Math.max(Math.abs(low), Math.abs(high))
-    const edges = rangeOf(row.names.slice(1)).map((e) => Math.min(Math.max(e, -1.3*reach), 1.3*reach))
+    const edges = rangeOf(row.names.slice(1)).map((e) => Math.min(Math.max(e, -MOST*reach), MOST*reach))
     range = union([[low, high], edges, edges.map((e) => -e).reverse()])
   }
   const {x, y, box, draw, add, root} = frame(host, motion.packed.t, range, {axis: last, about: `${row.title ?? row.names.map((n) => lines.plain[n]).join(", ")} over the time`})
@@ -118,8 +119,9 @@ const drawPlane = (motion, turn) => {
   const {x, y, box, draw, add} = frame(explorer.$("plane"), rangeOf([state.x]), rangeOf([state.y]), {axis: true, name: true, about})
   const named = (name) => lines.plain[name] + (lines.units[name] ? ` / ${lines.units[name]}` : "")
   add(svg("text", {class: "name", x: box.right, y: box.bottom + 31, "text-anchor": "end"}, named(state.x)))
-  add(svg("text", {class: "name", x: box.left + 7, y: box.top + 13}, named(state.y)))
+  add(svg("text", {class: "name", x: box.left, y: 13}, named(state.y)))
   const [xs, ys, t] = [motion.q[state.x], motion.q[state.y], motion.t]
+  if (turn && turn !== motion) draw(curve(path(turn.q[state.x], turn.q[state.y], 0, turn.t.length - 1, x, y), "turn", explorer.colour(2)))
   draw(curve(path(xs, ys, 0, t.length - 1, x, y), "", explorer.colour(0)))
   const stick = motion.stick[state.stick] ?? []
   const near = 2*(t.at(-1) - t[0]) / 64 ** 3
@@ -129,10 +131,6 @@ const drawPlane = (motion, turn) => {
     if (to > from) d += path(xs, ys, from, to, x, y)
   }
   if (d) draw(curve(d, "ink"))
-  if (turn && turn !== motion) {
-    const once = path(turn.q[state.x], turn.q[state.y], 0, turn.t.length - 1, x, y)
-    draw(curve(once, "around"), curve(once, "turn", explorer.colour(2)))
-  }
   add(svg("circle", {cx: x(xs[0]), cy: y(ys[0]), r: 3.4, style: `fill:var(--paper);stroke:${explorer.colour(0)}`}))
   const point = svg("circle", {class: "point", r: 6})
   add(point)
@@ -183,7 +181,7 @@ explorer.placeNow = (time) => {
   }
   // As many digits as are stored.
   const shown = (name) => {
-    const [low, high] = explorer.ends(name, motion)
+    const [low, high] = explorer.endsOf(name, motion)
     const places = high > low ? Math.floor(Math.log10(4095 / (high - low))) : 12
     return number(places > 100 ? at(name) : Number(at(name).toFixed(Math.max(places, 0))), 4)
   }

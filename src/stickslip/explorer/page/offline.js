@@ -97,16 +97,17 @@ explorer.unpack = (packed) => {
   return motion
 }
 
-// Least and largest value of a quantity in all stored motions, and in one of them.
+// Least and largest value of a quantity in all stored motions, or cycles; and in one of them.
 const ends = new Map()
-explorer.ends = (name, motion) => {
-  if (motion) return motion.packed.q[name].slice(1).sort((a, b) => a - b)
-  if (!ends.has(name)) {
-    const all = stored.records.flatMap((record) => [record.motion, record.cycle].filter(Boolean).flatMap((packed) => packed.q[name].slice(1)))
-    ends.set(name, [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))])
+explorer.ends = (name, kind) => {
+  const key = `${kind} ${name}`
+  if (!ends.has(key)) {
+    const all = stored.records.flatMap((record) => record[kind] ? record[kind].q[name].slice(1) : [])
+    ends.set(key, [all.reduce((a, b) => Math.min(a, b), Infinity), all.reduce((a, b) => Math.max(a, b), -Infinity)])
   }
-  return ends.get(name)
+  return ends.get(key)
 }
+explorer.endsOf = (name, motion) => motion.packed.q[name].slice(1).sort((a, b) => a - b)
 
 // -- the state of the page ----------------------------------------------------------------------------------
 
@@ -115,8 +116,8 @@ explorer.state = {
   at: stored.sliders.map(nearest),  // which value of each slider
   moved: 0,                         // the slider that varies, where only one does
   cycle: false,                     // whether one period is drawn instead of the motion
-  same: true,                       // whether all motions have the same axes
-  x: "", y: "", stick: "",
+  same: {motion: true, cycle: true},  // whether the axes are the same for all points
+  x: "", y: "", stick: "",          // axes of the plane, and the contact whose stick phases are marked there
   time: 0, playing: false,
 }
 
@@ -138,7 +139,8 @@ explorer.move = (number, index) => {
 
 explorer.draw = () => {
   const record = explorer.record()
-  const packed = explorer.state.cycle && record.cycle ? record.cycle : record.motion
+  explorer.kind = explorer.state.cycle && record.cycle ? "cycle" : "motion"
+  const packed = record[explorer.kind]
   explorer.motion = packed ? explorer.unpack(packed) : null
   explorer.turn = record.cycle ? explorer.unpack(record.cycle) : null
   explorer.showValues()
