@@ -29,6 +29,7 @@ from making import (
     gallery,
     markdown,
     model_files,
+    offline_pages,
     pages,
     python_reference,
     sessions,
@@ -36,6 +37,7 @@ from making import (
     words,
 )
 from stickslip.cli.app import app
+from stickslip.explorer.offline.plan import read_plan
 from stickslip.model import laws, system
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.measures import MEASURES
@@ -331,6 +333,19 @@ def test_sums_of_the_report_are_those_of_its_tables() -> None:
 
 
 # -- links -----------------------------------------------------------------------------------------
+
+
+def test_pages_with_sliders_are_of_the_catalogue_and_small() -> None:
+    """Their values are admissible, and each has a card in the gallery; the build computes them."""
+    assert len({page.system for page in offline_pages.PAGES}) == 6
+    overview = gallery.pages()["gallery/index.md"]
+    for page in offline_pages.PAGES:
+        plan = read_plan(ss.catalogue.get(page.system), page.over)
+        assert 10 <= len(plan.points) <= 100
+        assert f":link: pages/{page.system}.html" in overview
+        declared = ss.catalogue.get(page.system).values
+        # It opens on the declared motion.
+        assert all(declared[slider.name] in slider.values for slider in plan.sliders), page.system
 
 
 def test_links_lead_somewhere() -> None:

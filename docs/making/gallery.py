@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib import image
 
 import stickslip as ss
-from making import docstrings, examples, markdown
+from making import docstrings, examples, markdown, offline_pages
 from stickslip.display.system_page import system_page
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +35,7 @@ def pages() -> dict[str, str]:
         "gallery",
         cards=cards,
         examples=examples.cards(),
+        sliders=offline_pages.cards(),
         toctree=markdown.toctree([*systems(), *(f"examples/{name}" for name in examples.found())]),
     )
     made = {f"gallery/{name}.md": _page(name) for name in systems()}

@@ -28,7 +28,7 @@ class OfflinePage:
 PAGES = (
     OfflinePage(
         "belt_block",
-        {"V": "0.05:1.25:13", "F_k": "0.3:0.9:7"},
+        {"V": "0.1:1.3:13", "F_k": "0.3:0.9:7"},
         "Stick-slip on a slow belt ends at a speed that depends on the kinetic friction.",
     ),
     OfflinePage(
@@ -38,12 +38,12 @@ PAGES = (
     ),
     OfflinePage(
         "spring_slider",
-        {"V": "0.1:1:10", "k": "0.5:3:6"},
+        {"V": "0.06:0.6:10", "k": "0.5:3:6"},
         "A stiff spring, or a fast pull, turns stick-slip into steady sliding.",
     ),
     OfflinePage(
         "jenkins_oscillator",
-        {"P": "0.2:2:10", "omega": "0.6:1.4:9"},
+        {"P": "0.25:2:8", "omega": "0.6:1.4:9"},
         "A dry damper softens the resonance, then limits it.",
     ),
     OfflinePage(
@@ -53,7 +53,7 @@ PAGES = (
     ),
     OfflinePage(
         "planar_jenkins",
-        {"P": "0.2:2:7", "Q": "0:1.5:4"},
+        {"P": "0.2:2:7", "Q": "0:1.2:4"},
         "Forces along two directions drive a damper round a loop in the plane.",
     ),
 )

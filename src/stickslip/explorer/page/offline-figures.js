@@ -80,6 +80,7 @@ explorer.makeRows = () => {
     const host = element("div", {class: `figure${i === lines.rows.length - 1 ? " last" : ""}`, id: `row-${i}`})
     return {row, host, head: element("div", {class: "row-head"}, ...names, element("span", {class: "unit"}, row.unit))}
   })
+  explorer.$("rows").classList.toggle("few", heads.length < 3)
   explorer.$("rows").replaceChildren(...heads.flatMap(({head, host}) => [head, host]))
 }
 
