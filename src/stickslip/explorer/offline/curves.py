@@ -126,6 +126,7 @@ def needed(times: Array, curve: Array, near: float) -> Array:
         Increasing.
     curve : array, shape (n,)
     near : float
+        How far the others may be from the lines.
     """
     chosen = np.zeros(len(times), bool)
     chosen[[0, -1]] = True

@@ -38,6 +38,7 @@ class Exported:
     Attributes
     ----------
     path : Path
+        The file.
     motions, cycles : int
         How many are stored.
     certified, certified_cycles : int

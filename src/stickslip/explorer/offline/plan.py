@@ -37,6 +37,7 @@ class Plan:
     Attributes
     ----------
     sliders : tuple of Slider
+        In the order in which the page shows them.
     together : bool
         Whether all combinations of the values are stored. Otherwise one parameter varies at a time,
         and the others have their declared values.

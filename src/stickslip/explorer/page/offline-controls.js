@@ -118,7 +118,7 @@ const isOdd = (name, kind) => {
   const [low, high] = explorer.ends(name, kind)
   return high - low > MUCH*sizes[sizes.length >> 1]
 }
-for (const kind of ["motion", "cycle"]) state.same[kind] = !choices.some((name) => isOdd(name, kind))
+for (const kind of ["motion", "cycle"]) state.same[kind] = !choices.some((name) => !name.startsWith("friction_") && isOdd(name, kind))
 for (const key of ["x", "y"]) {
   const select = $(`plane-${key}`)
   select.replaceChildren(...choices.map((name) => element("option", {value: name, selected: name === state[key]}, lines.plain[name].replace(/^friction_(.*)/, (_, contact) => `friction, ${contact.replaceAll("_", " ")}`))))
