@@ -252,6 +252,16 @@ def test_every_system_has_its_page() -> None:
         assert "<math" in page and "```toml" in page and "## Tests" in page, name
 
 
+@pytest.mark.parametrize("name", ["belt_block", "puck", "cantilever"])
+def test_every_kind_of_system_has_a_thumbnail(name: str) -> None:
+    """Of a coordinate, of a path in a plane, of a structure without coordinates."""
+    declared = ss.catalogue.get(name)
+    start, end = declared.span
+    motion = ss.simulate(declared, (start, start + 0.02 * (end - start)))
+    (axes,) = gallery.thumbnail(motion).axes
+    assert axes.has_data()
+
+
 def test_the_search_is_asked_for_every_page_that_questions_lead_to() -> None:
     """``make docs`` asks it, in a browser, for the words of ``making.words``."""
     for link in LINK.findall(WRITTEN["questions.md"]):
