@@ -66,7 +66,8 @@ WORDS: Mapping[str, str] = {
     "how-to/structures": "structure, beam, matrix, stiffness matrix, modes, Craig-Bampton, Nastran",
     "how-to/data": "export csv, export data, Parquet, WAV, sound, save, pandas, xarray, netCDF, "
     "plot",
-    "how-to/explore": "explorer, play in the browser, interactive, slider, GUI",
+    "how-to/explore": "explorer, play in the browser, interactive, slider, GUI, "
+    "standalone page, supplement of an article",
     "how-to/notebooks": "notebook, jupyter",
     "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
     "how-to/not-certified": "not certified, certified",
