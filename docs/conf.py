@@ -62,6 +62,8 @@ html_math_renderer = "mathml"
 html_title = "stickslip"
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
+html_extra_path = ["_build/extra"]  # the pages of making/offline_pages.py, as they are
+(HERE / "_build" / "extra").mkdir(parents=True, exist_ok=True)
 html_favicon = "_static/icon.svg"  # or a browser asks for one that is not there
 html_show_sourcelink = False
 html_copy_source = False

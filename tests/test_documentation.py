@@ -29,6 +29,7 @@ from making import (
     gallery,
     markdown,
     model_files,
+    offline_pages,
     pages,
     python_reference,
     sessions,
@@ -36,6 +37,7 @@ from making import (
     words,
 )
 from stickslip.cli.app import app
+from stickslip.explorer.offline.plan import read_plan
 from stickslip.model import laws, system
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.measures import MEASURES
@@ -250,6 +252,16 @@ def test_every_system_has_its_page() -> None:
         assert "<math" in page and "```toml" in page and "## Tests" in page, name
 
 
+@pytest.mark.parametrize("name", ["belt_block", "puck", "cantilever"])
+def test_every_kind_of_system_has_a_thumbnail(name: str) -> None:
+    """Of a coordinate, of a path in a plane, of a structure without coordinates."""
+    declared = ss.catalogue.get(name)
+    start, end = declared.span
+    motion = ss.simulate(declared, (start, start + 0.02 * (end - start)))
+    (axes,) = gallery.thumbnail(motion).axes
+    assert axes.has_data()
+
+
 def test_the_search_is_asked_for_every_page_that_questions_lead_to() -> None:
     """``make docs`` asks it, in a browser, for the words of ``making.words``."""
     for link in LINK.findall(WRITTEN["questions.md"]):
@@ -331,6 +343,41 @@ def test_sums_of_the_report_are_those_of_its_tables() -> None:
 
 
 # -- links -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("page", "results"),
+    [("how-to/holding.md", "holding"), ("theory/benchmark-problem.md", "cart_pendulum")],
+)
+def test_tables_of_measurements_are_those_that_were_written(page: str, results: str) -> None:
+    text = (ROOT / "benchmarks" / "results" / f"{results}.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) > 10
+    assert [row for row in rows if row not in WRITTEN[page].splitlines()] == []
+
+
+def test_the_size_of_an_installation_is_what_was_measured() -> None:
+    told = (ROOT / "benchmarks" / "results" / "installed.md").read_text(encoding="utf-8")
+    core, everything = (
+        re.search(rf"^\| the core{name} \| \d+ \| (\d+) \|$", told, re.MULTILINE)
+        for name in ("", " and `all`")
+    )
+    assert core is not None and everything is not None
+    said = f"the core takes {core[1]} MB, `stickslip[all]` {everything[1]} MB"
+    assert said in WRITTEN["start.md"]
+
+
+def test_pages_with_sliders_are_of_the_catalogue_and_small() -> None:
+    """Their values are admissible, and each has a card in the gallery; the build computes them."""
+    assert len({page.system for page in offline_pages.PAGES}) == 6
+    overview = gallery.pages()["gallery/index.md"]
+    for page in offline_pages.PAGES:
+        plan = read_plan(ss.catalogue.get(page.system), page.over)
+        assert 10 <= len(plan.points) <= 100
+        assert f":link: pages/{page.system}.html" in overview
+        declared = ss.catalogue.get(page.system).values
+        # It opens on the declared motion.
+        assert all(declared[slider.name] in slider.values for slider in plan.sliders), page.system
 
 
 def test_links_lead_somewhere() -> None:

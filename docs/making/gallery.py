@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib import image
 
 import stickslip as ss
-from making import docstrings, examples, markdown
+from making import docstrings, examples, markdown, offline_pages
 from stickslip.display.system_page import system_page
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +35,7 @@ def pages() -> dict[str, str]:
         "gallery",
         cards=cards,
         examples=examples.cards(),
+        sliders=offline_pages.cards(),
         toctree=markdown.toctree([*systems(), *(f"examples/{name}" for name in examples.found())]),
     )
     made = {f"gallery/{name}.md": _page(name) for name in systems()}
@@ -121,15 +122,20 @@ def pictures(folder: Path) -> None:
         with _in_time(name):
             motion = ss.simulate(system)
             motion.plot().savefig(folder / f"{name}.png", dpi=110)
-        small = ss.style.new_figure(4.0, 2.6)
-        axes = small.add_subplot()
-        try:
-            ss.figures.path_in_plane(axes, motion)
-        except ss.DeclarationError:  # nothing in a plane, or in one that turns with a body
-            first = next(iter([*system.coordinates, *system.internal]))
-            motion.plot(first, ax=axes)
-        small.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
+        thumbnail(motion).savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
         mark.write_text(now, encoding="utf-8")
+
+
+def thumbnail(motion: ss.Trajectory) -> Any:
+    """A small picture: the path in a plane, or the first quantity over the time."""
+    small = ss.style.new_figure(4.0, 2.6)
+    axes = small.add_subplot()
+    try:
+        ss.figures.path_in_plane(axes, motion)
+    except ss.DeclarationError:  # nothing in a plane, or in one that turns with a body
+        system = motion.system
+        motion.plot(next(iter([*system.places, *system.internal])), ax=axes)
+    return small
 
 
 def shrink(picture: Path, place: Path) -> None:

@@ -13,6 +13,7 @@ from making import (
     gallery,
     markdown,
     model_files,
+    offline_pages,
     python_reference,
     records,
     sessions,
@@ -53,6 +54,7 @@ def write(folder: Path) -> None:
                 path.unlink()
     gallery.pictures(folder / "gallery" / "pictures")
     examples.pictures(folder / "gallery" / "pictures")
+    offline_pages.write(folder / "_build")
 
 
 def to_the_site(app: Any, place: str, source: list[str]) -> None:

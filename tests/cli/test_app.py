@@ -211,7 +211,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "out of range": (["run", "rocking_toy", "--set", "rho=-1"], "(0, inf)"),
     "huge": (["run", "rocking_toy", "--set", "P=9**9**9**9"], "parameters.P"),
     "hostile": (["run", "spring_slider", "--set", "mu=__import__('os').system('true')"], "mu"),
-    "unknown state": (["run", "rocking_toy", "--initial", "phi=1"], "The state has the parts psi"),
+    "unknown state": (["run", "rocking_toy", "--initial", "phi=1"], "Did you mean 'psi'?"),
     "initial formula": (["run", "rocking_toy", "--initial", "psi=P"], "'P' is not a number"),
     "backwards": (["run", "rocking_toy", "--until", "-1"], "time span"),
     "endless": (["run", "rocking_toy", "--until", "inf"], "time span"),

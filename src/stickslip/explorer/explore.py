@@ -10,7 +10,7 @@ from urllib.parse import quote, unquote
 
 from stickslip import catalogue
 from stickslip.arguments import validated
-from stickslip.errors import StickslipError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.limits import MOST_PAGES
 from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN, packed_text
 from stickslip.explorer.serving.server import HERE, Explorer, Listening
@@ -116,6 +116,38 @@ def _start(system: System | str | None) -> tuple[str, str]:
             return "", f"{FIRST_MODEL}?.panel=friction&evolution={packed_text(evolution)}"
         return load(name).to_toml(), GIVEN + (f"?{rest}" if rest else "")
     return "", catalogue.get(name).name  # says what is wrong
+
+
+def named_system(text: str) -> System:
+    """The system that a name, a model file or an address stands for, as it is set there.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such system, or something in it is wrong.
+    """
+    from dataclasses import replace
+
+    from stickslip.explorer.asking.request import read_state
+    from stickslip.explorer.subject.systems import shown_span, system_of
+    from stickslip.model.system_file import load
+
+    state = text.rpartition("#")[2]
+    model, _, rest = state.partition("?")
+    if model in ("own", GIVEN) and rest:
+        reason = "the address contains a model"
+        raise DeclarationError("MODEL", reason, "Export its model file, and name that")
+    setting = read_state(state)
+    name = unquote(model)
+    if name.endswith(".toml") or os.sep in name or Path(name).is_file():
+        if _evolution(name) is not None:
+            reason = "an evolution has no motions to store"
+            raise DeclarationError("MODEL", reason, "Name a system of the catalogue or its file")
+        setting = replace(setting, model="", toml=load(name).to_toml())
+    system, numbers = system_of(setting)
+    own = system.configure(numbers)
+    initial = {**own.initial, **setting.initial}
+    return replace(own, initial=initial, span=shown_span(own, setting))
 
 
 def _evolution(path: str) -> str | None:

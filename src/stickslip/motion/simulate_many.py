@@ -393,7 +393,7 @@ def initial_states(system: System, given: Mapping[str, Array], count: int) -> Ar
         [float(system.plain.initial.get(name, 0.0)) for name in declaration.state], (count, 1)
     )
     for name, values in system.started(given).items():
-        check_initial(declaration, name, float(values[0]))
+        check_initial(declaration, name, float(values[0]), system.started_unknowns)
         states[:, declaration.state.index(name)] = values
     return states
 

@@ -94,7 +94,8 @@ class Structure:
     ------
     DeclarationError
         If a matrix is not symmetric, not positive (semi)definite or not finite, shapes do not
-        match, or a name is invalid, duplicate or refers to no degree of freedom.
+        match, there are more damping ratios than modes, or a name is invalid, duplicate or refers
+        to no degree of freedom.
 
     Examples
     --------
@@ -144,6 +145,8 @@ class Structure:
         put(self, "stiffness", sizes["stiffness"])
         put(self, "damping", sizes.get("damping", damping))
         put(self, "basis", None if self.basis is None else checked_basis(self.basis, mass.shape[0]))
+        if isinstance(damping, ModalDamping):
+            damping.check_count(self.coordinates)
         check_names(self.names, names, self.unknowns)
         put(self, "names", names)
         check_positive(self.mass, said)
@@ -345,6 +348,8 @@ class Structure:
         if damping is not None and not isinstance(damping, ProportionalDamping | ModalDamping):
             damping = shapes.T @ (damping @ shapes)
             damping = (damping + damping.T) / 2.0
+        if isinstance(damping, ModalDamping):
+            damping = damping.of_lowest(mass.shape[0])
         basis = shapes if self.basis is None else self.basis @ shapes
         return Structure(
             mass, stiffness, damping, self.names, unit=self.unit, basis=basis, left_out=left_out

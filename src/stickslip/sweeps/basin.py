@@ -19,7 +19,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import ConvergenceError, DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.quantities import drift_units, quantity
 from stickslip.model.system import System
@@ -286,13 +286,13 @@ def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
 
 def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis, ...]:
     """Values of the states that vary."""
-    axes = read_axes(system, over)
+    axes = read_axes(system, over, known=system.starts)
     for axis in axes:
         (name, *others) = axis.names
         where = f"over.{','.join(axis.names)}"
         if others or not system.start_slope(name, "over"):
-            known = ", ".join(system.declaration.state)
-            raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
+            known = suggestion(axis.dimension, system.starts)
+            raise DeclarationError(where, "not a state of the system", known)
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
                 where,

@@ -77,8 +77,8 @@ class Level:
         values = {**self.fixed, self.parameter: self.span[1]}
         return clock(self.system, derive(self.system.declaration), values)
 
-    def check(self) -> None:
-        """See that there is a drive whose period the parameter changes, and that it has a phase.
+    def check_frequency(self) -> None:
+        """See that there is a drive whose period the parameter changes.
 
         Raises
         ------
@@ -104,6 +104,15 @@ class Level:
                 f"it does not change the period of the drives, {high:.9g}",
                 "Choose the parameter that changes their frequency",
             )
+
+    def check_phase(self) -> None:
+        """See that the drive has a phase.
+
+        Raises
+        ------
+        DeclarationError
+            If it has none.
+        """
         self.phase_of_drive(self.span[1])
 
     def phase_of_drive(self, value: float) -> float:

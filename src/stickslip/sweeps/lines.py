@@ -18,13 +18,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import count, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError, DeclarationError, short, suggestion
+from stickslip.errors import ConvergenceError, DeclarationError, listing, short, suggestion
 from stickslip.model.quantities import ENERGIES
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
@@ -46,9 +46,6 @@ from stickslip.sweeps.response import FrequencyResponse
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
-
-if TYPE_CHECKING:
-    pass
 
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
 _APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
@@ -123,15 +120,29 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    with_output, followed = _followed(system, of)
-    text, formula = read_drive(with_output, followed, drive)
     levels_given = [{level: value} for value in values] or [{}]
+
+    def at_first(name: str, text: str, formula: Expr) -> Level:
+        return Level(
+            system, parameter, (low, high), name, text, formula, {**fixed, **levels_given[0]}
+        )
+
+    def answers(name: str) -> None:
+        """Refuse a quantity that does not repeat, or has no phase."""
+        _check_periodic(system, name)
+        at_first(name, *read_drive(system, name, drive)).check_phase()
+
+    at_first("", "", ex.ZERO).check_frequency()
+    with listing(answers):
+        with_output, followed = _followed(system, of)
+    text, formula = read_drive(with_output, followed, drive)
     wanted = [
         Level(with_output, parameter, (low, high), followed, text, formula, {**fixed, **one})
         for one in levels_given
     ]
     for one in wanted:
-        one.check()
+        one.check_frequency()
+        one.check_phase()
     found = list[Lines]()
     ended: BaseException | None = None
     what = f"a response of {system.name}"
@@ -161,6 +172,19 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
     of = first_coordinate(system) if of is None else of
     if of in system.followed:
         return system, of
+    _check_periodic(system, of)
+    taken = {*system.outputs, *system.declaration.results.names}
+    taken |= system.declaration.results.definitions.keys()
+    name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
+        return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
+
+
+def _check_periodic(system: System, of: str) -> None:
+    """Refuse a formula that does not repeat with the motion."""
+    if of in system.followed:
+        return
     formula = read_formula(system, of, "of")
     if formula.symbols & {*ENERGIES} - {"energy"} or _grows(formula):
         raise DeclarationError(
@@ -168,12 +192,6 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
             f"'{short(of)}' is not periodic",
             "Time may appear inside periodic functions; energies that add up may not appear",
         )
-    taken = {*system.outputs, *system.declaration.results.names}
-    taken |= system.declaration.results.definitions.keys()
-    name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
-        return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
 
 
 def _grows(e: Expr) -> bool:
@@ -192,7 +210,7 @@ def _levels(
     if not levels:
         return "", []
     try:
-        axes = read_axes(system, levels)
+        axes = read_axes(system, levels, known=[x for x in system.parameters if x != parameter])
     except DeclarationError as error:
         where = error.where.replace("over", "levels", 1)
         raise DeclarationError(where, error.reason, error.remedy) from None

@@ -12,7 +12,16 @@ import pytest
 
 from orbits.examples import HALF_TURN, SLIDER, dragged, isola, planar
 from properties.families import linear_family
-from stickslip import Contact, Inertial, Parameter, RateIndependent, System, catalogue, simulate
+from stickslip import (
+    Contact,
+    Inertial,
+    Parameter,
+    RateIndependent,
+    System,
+    catalogue,
+    laws,
+    simulate,
+)
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles import finding
@@ -391,3 +400,21 @@ def test_a_damper_that_hardly_slips(part: float) -> None:
     # z follows x near its extremes, a cosine, from where it is 2·part of its amplitude below
     slipping = 2.0 * np.sqrt(4.0 * part) / 1.2
     assert cycle.contacts["damper"].slip_time == pytest.approx(slipping, rel=0.5)
+
+
+def test_phases_without_a_contact_that_sticks() -> None:
+    """The contact of a law with internal variables neither sticks nor slips: phases are those of
+    its formulas, here two halves of a period."""
+    block = System(
+        "block",
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 - x*cos(2*t)",
+        viscous="0.1*d_x**2",
+        contacts={"guide": laws.lugre("d_x", sigma_0=10.0, sigma_1=0.1, F_s=0.3, F_c=0.2, v_s=0.1)},
+    )
+    cycle = find_cycle(block)
+    check(cycle)
+    assert [phase.modes for phase in cycle.phases] == [{}, {}]
+    assert [p.duration for p in cycle.phases] == pytest.approx([math.pi / 2] * 2, rel=1e-9)
+    assert cycle.summary().good

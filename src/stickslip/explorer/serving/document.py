@@ -62,7 +62,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
         document.template = template
         document.template_variables.update(
             scripts=_scripts(),
-            styles=Markup(_read("page.css")),
+            styles=Markup(_read("common.css") + _read("page.css")),
             rows=range(ROWS),
             facts={
                 "catalogue": catalogue.names(),

@@ -48,7 +48,7 @@ def exported_page(request: Request, patience: Patience) -> Iterator[Answer]:
             f"the file has {len(data) / 1e6:.0f} MB, which is too large for the page; copy the "
             "command instead"
         )
-    name = _file(motion.system.name, form)
+    name = file_named(motion.system.name, form)
     yield Answer({"file": name, "type": _TYPES[form]}, {"bytes": np.frombuffer(data, np.uint8)})
 
 
@@ -57,7 +57,7 @@ def python_of(setting: PageSetting) -> str:
     system, numbers = system_of(setting)
     lines = ["import stickslip as ss", ""]
     if setting.toml:
-        lines.append(f"system = ss.load({_quoted(_file(system.name))})  # the model file")
+        lines.append(f"system = ss.load({_quoted(file_named(system.name))})  # the model file")
     else:
         given = {n: v for n, v in setting.values.items() if isinstance(v, str)}
         # The name is one of the catalogue, and the others are of its parameters, by system_of.
@@ -103,10 +103,10 @@ def toml_of(setting: PageSetting) -> str:
 def model_of(setting: PageSetting) -> str:
     """What a command is told of the model: its name, or the file that it is saved as."""
     system, _ = system_of(setting)
-    return _file(system.name) if setting.toml else setting.model
+    return file_named(system.name) if setting.toml else setting.model
 
 
-def _file(name: str, ending: str = "toml") -> str:
+def file_named(name: str, ending: str = "toml") -> str:
     """What a file is called that holds a system: its name may be any text."""
     plain = re.sub(r"[^\w.+-]+", "_", name).strip("._-")
     return f"{plain or 'system'}.{ending}"

@@ -60,12 +60,12 @@ def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
 
 def _seen(motion: Trajectory, window: tuple[float, float] | None) -> Answer:
     """What is drawn of a motion."""
-    about = _lines_of(motion.system, tuple(motion.final), tuple(motion.modes))
+    about = lines_of(motion.system, tuple(motion.final), tuple(motion.modes))
     names = list(about["symbols"])
     times, index, values = seen_times(motion, names, window)
     arrays: dict[str, Array] = {"t": times, **{f"q:{name}": v for name, v in values.items()}}
     arrays |= {f"mode:{key}": mode[index].astype(np.int32) for key, mode in motion.modes.items()}
-    arrays |= _stick_phases(motion)
+    arrays |= stick_phases(motion)
     head: dict[str, Any] = {
         "part": "motion",
         "span": list(motion.t_span),
@@ -91,7 +91,7 @@ def _modes(arrays: dict[str, Array]) -> dict[str, Array]:
 
 
 @lru_cache(maxsize=32)
-def _lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...]) -> dict[str, Any]:
+def lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...]) -> dict[str, Any]:
     """What is drawn of every motion of a system, and how it is written; a drag asks for it again
     and again."""
     groups = _groups(system, states, contacts)
@@ -150,7 +150,7 @@ def force_lines(parts: tuple[str, ...], part: str) -> list[str]:
     return [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
 
 
-def _stick_phases(motion: Trajectory) -> dict[str, Array]:
+def stick_phases(motion: Trajectory) -> dict[str, Array]:
     """Begins and ends of the stick phases of each contact, and of those in which all stick, exactly
     as they were found; and all switches."""
     knots = motion.knots.time

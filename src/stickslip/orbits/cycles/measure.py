@@ -76,7 +76,8 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
     """The phases of a period; the one it starts in, which it also ends in, comes first as a
     whole."""
     k = motion.knots
-    names = list(motion.system.contacts)
+    # Contacts of laws with internal variables neither stick nor slip.
+    names = [name for name in motion.system.contacts if contact_key(name) in motion.modes]
     mode = {name: motion.modes[contact_key(name)] for name in names}
     found = list[Phase]()
     for a, b in segments(motion):

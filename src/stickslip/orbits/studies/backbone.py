@@ -23,7 +23,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, listing
 from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import (
     contact_key,
@@ -255,7 +255,8 @@ def backbone(
     ------
     DeclarationError
         If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
-        not constant, or small oscillations of the mode do not change the quantity.
+        not constant, small oscillations of the mode do not change the quantity, or the mode is
+        overdamped.
     ConvergenceError
         If no cycle is found at any amplitude.
 
@@ -276,14 +277,20 @@ def backbone(
     if isinstance(points, bool) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     excited = self_excited(system, values)
-    swinging = read_swinging(system, of, {**system.values, **values})
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
             "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
-    seeker = Amplitudes(excited, values, chosen, swinging)
+
+    def moved(name: str | None) -> Amplitudes:
+        """Refuse a quantity that the mode does not move."""
+        swinging = read_swinging(system, name, {**system.values, **values})
+        return Amplitudes(excited, values, chosen, swinging)
+
+    with listing(moved):
+        seeker = moved(of)
     wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
@@ -294,6 +301,16 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
+    if not work.found and chosen.overdamped:
+        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped]
+        raise DeclarationError(
+            "mode",
+            f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
+            "oscillations, so it does not oscillate and has no backbone",
+            f"Choose one of the modes {', '.join(others)}, or reduce the damping"
+            if others
+            else "Reduce its damping below critical",
+        )
     if not work.found:
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
