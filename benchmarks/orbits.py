@@ -32,7 +32,7 @@ import numpy as np
 import stickslip as ss
 from auto_07p import Auto, Row, absent
 from stickslip.orbits.branches.cycle_branch import continue_cycle
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 RESULTS = Path(__file__).parent / "results" / "orbits.md"
 SLIDER = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)

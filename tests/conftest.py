@@ -16,7 +16,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 # Marks of the tests in a folder, so that they can be run, or left out, by themselves.
-MARKS = {"adversarial": "adversary", "explorer": "explorer", "stickslip_paper": "paper"}
+MARKS = {
+    "adversarial": "adversary",
+    "attack": "attack",
+    "explorer": "explorer",
+    "stickslip_paper": "paper",
+}
 
 
 def mark_of(path: Path) -> str:

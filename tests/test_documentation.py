@@ -345,6 +345,28 @@ def test_sums_of_the_report_are_those_of_its_tables() -> None:
 # -- links -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("page", "results"),
+    [("how-to/holding.md", "holding"), ("theory/benchmark-problem.md", "cart_pendulum")],
+)
+def test_tables_of_measurements_are_those_that_were_written(page: str, results: str) -> None:
+    text = (ROOT / "benchmarks" / "results" / f"{results}.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) > 10
+    assert [row for row in rows if row not in WRITTEN[page].splitlines()] == []
+
+
+def test_the_size_of_an_installation_is_what_was_measured() -> None:
+    told = (ROOT / "benchmarks" / "results" / "installed.md").read_text(encoding="utf-8")
+    core, everything = (
+        re.search(rf"^\| the core{name} \| \d+ \| (\d+) \|$", told, re.MULTILINE)
+        for name in ("", " and `all`")
+    )
+    assert core is not None and everything is not None
+    said = f"the core takes {core[1]} MB, `stickslip[all]` {everything[1]} MB"
+    assert said in WRITTEN["start.md"]
+
+
 def test_pages_with_sliders_are_of_the_catalogue_and_small() -> None:
     """Their values are admissible, and each has a card in the gallery; the build computes them."""
     assert len({page.system for page in offline_pages.PAGES}) == 6

@@ -1,4 +1,4 @@
-"""Tests of the paper, the explorer and the adversary have marks, by folder."""
+"""Tests of the paper, the explorer, the adversary and attacks have marks, by folder."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip.results import Ended, Result
+from stickslip.storage import as_texts
 
 BLOCK = ss.catalogue.belt_block()
 TOY = ss.catalogue.rocking_toy(P=1.2)
@@ -192,6 +194,27 @@ def test_goes_to_another_process(name: str) -> None:
     assert type(again) is type(result)
     same(again.summary().data, result.summary().data)
     assert again.dataset.identical(result.dataset)
+
+
+def test_every_field_is_stored_once(name: str) -> None:
+    """A kind that declares the parts of its file forgets none of its fields."""
+    result = made(name)
+    kind = type(result)
+    if kind.PARTS:
+        stored = [field for part, p in kind.PARTS.items() for field in p.fields or (part,)]
+        stored += kind.fields_of(result._said.dataset)
+        assert sorted(stored) == sorted(field.name for field in fields(kind))  # type: ignore[arg-type]
+
+
+def test_what_older_files_lack_has_its_default() -> None:
+    result = made("frequency response")
+    data, parts = result.stored()
+    texts = as_texts(parts)
+    del texts["time_up"]
+    assert type(result).restored(data, texts, "a file").time_up is False  # type: ignore[attr-defined]
+    del texts["certificate"]
+    with pytest.raises(TypeError, match="certificate"):
+        type(result).restored(data, texts, "a file")
 
 
 def test_a_branch_of_cycles_goes_to_another_process() -> None:

@@ -10,10 +10,10 @@ from making import markdown
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "benchmarks" / "results"
 _ORDER = (
-    "start motion orbits harmonic_balance time_stepping sweep maps samples chains evolution "
-    "averages dense_steps versions"
+    "start installed motion orbits harmonic_balance time_stepping sweep maps samples chains "
+    "evolution averages dense_steps versions"
 ).split()
-_APART = ("truth", "wrong")
+_APART = ("truth", "wrong", "holding", "cart_pendulum")  # on pages of their own
 
 
 def pages() -> dict[str, str]:

@@ -58,6 +58,10 @@ WORDS: Mapping[str, str] = {
     "how-to/own-measure": "own measure, custom measure",
     "how-to/sensitivities": "derivatives, sensitivity, gradients",
     "how-to/fit": "fit, fit data, parameter estimation, identification, which law, calibrate",
+    "how-to/robot-joint": "robot joint, actuator, system identification, frictionloss",
+    "how-to/hysteresis": "hysteresis loop, isolator, piezo, Masing",
+    "how-to/holding": "hold at rest, robot simulator, MuJoCo, Drake, Genesis, NoSlip",
+    "theory/benchmark-problem": "benchmark problem, IFToMM, reference solution",
     "how-to/finite-elements": "finite elements, FEM, membrane",
     "how-to/structures": "structure, beam, matrix, stiffness matrix, modes, Craig-Bampton, Nastran",
     "how-to/data": "export csv, export data, Parquet, WAV, sound, save, pandas, xarray, netCDF, "

@@ -60,7 +60,8 @@ if TYPE_CHECKING:
     from stickslip.orbits.branches.onset_curve import stick_onset_curve
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
     from stickslip.orbits.continuation.path import StepControl
-    from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+    from stickslip.orbits.cycles.cycle import Cycle
+    from stickslip.orbits.cycles.find_cycle import find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria
     from stickslip.orbits.settling.motions import Settings
@@ -246,7 +247,8 @@ _HOMES = {
     ),
     "equilibria": "orbits.equilibria.finding",
     "continue_equilibrium": "orbits.branches.equilibrium_branch",
-    **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles.cycle"),
+    "Cycle": "orbits.cycles.cycle",
+    "find_cycle": "orbits.cycles.find_cycle",
     "continue_cycle": "orbits.branches.cycle_branch",
     "stick_onset_curve": "orbits.branches.onset_curve",
     **dict.fromkeys(["Backbone", "backbone"], "orbits.studies.backbone"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import get_close_matches
 from importlib.util import find_spec
 
@@ -94,13 +96,61 @@ def short(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def suggestion(name: str, known: Iterable[str], quote: str = "'") -> str:
-    """The remedy for an unknown name: the closest one that is known, or all of them."""
-    names = list(known)
+Check = Callable[[str], object]
+"""Raises :class:`DeclarationError` for a name that is refused."""
+_door: ContextVar[Check | None] = ContextVar("door", default=None)
+_trying: ContextVar[bool] = ContextVar("trying", default=False)
+
+
+@contextmanager
+def listing(accepts: Check) -> Generator[None]:
+    """Let messages list only names that an argument accepts, whatever is known of them deeper
+    down; the outermost argument counts.
+
+    Parameters
+    ----------
+    accepts : callable
+        The check of the argument, of a name alone.
+    """
+    before = _door.set(_door.get() or accepts)
+    try:
+        yield
+    finally:
+        _door.reset(before)
+
+
+def suggestion(
+    name: str, known: Iterable[str], quote: str = "'", accepts: Check | None = None
+) -> str:
+    """The remedy for an unknown name: the closest one that is known, or all of them.
+
+    Parameters
+    ----------
+    accepts : callable, optional
+        The check of a name. Names that it refuses are not listed; within :func:`listing` that of
+        the argument counts.
+    """
+    names = list(dict.fromkeys(known))
+    if accepts is not None:
+        if _trying.get():
+            return ""  # of a name that is tried, nobody reads the message
+        check = _door.get() or accepts
+        names = [candidate for candidate in names if _is_accepted(check, candidate)]
     close = get_close_matches(name, names, 1)
     if close:
         return f"Did you mean {quote}{close[0]}{quote}?"
     return f"Known here: {some(names) or 'none'}"
+
+
+def _is_accepted(check: Check, name: str) -> bool:
+    before = _trying.set(True)
+    try:
+        check(name)
+    except DeclarationError:
+        return False
+    finally:
+        _trying.reset(before)
+    return True
 
 
 def some(names: list[str], most: int = 60) -> str:

@@ -1,16 +1,16 @@
 """What public functions return: data, how it ended, what is proved of it, a picture, a file.
 
-A kind of result says what it holds (:class:`Described`); everything that can be made of that is
-made here, once: the summary of the command line and of ``summary.json``, the face in a notebook,
-files, and pictures of quantities.
+A kind of result describes itself (:class:`Described`); everything that follows is here: the summary
+of the command line and of ``summary.json``, the display in a notebook, files, and pictures of
+quantities.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from enum import Enum
 from html import escape
 from pathlib import Path
@@ -89,11 +89,11 @@ class Summary:
     ----------
     title : str
     rows : tuple of (str, str)
-        What is said, and its name.
+        Labels and texts.
     data : dict
         The same and more as plain data: what ``summary.json`` holds.
     good : bool
-        Whether it came to its end and is certified.
+        Whether the computation is complete and certified.
     """
 
     title: str
@@ -120,11 +120,11 @@ class Summary:
 
 
 class Described(Protocol):
-    """What a kind of result has to say of itself."""
+    """What each kind of result implements."""
 
     @property
     def title(self) -> str:
-        """Of what it is a result."""
+        """Title of the result."""
         ...
 
     @property
@@ -149,7 +149,7 @@ class Described(Protocol):
 
     @property
     def certificate(self) -> Certificate:
-        """What was measured of it, and the verdict."""
+        """Residuals with their limits, and the verdict."""
         ...
 
     def facts(self) -> dict[str, Any]:
@@ -165,17 +165,65 @@ class Described(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Part:
+    """How a field of a result, or several together, are written into a file and read again.
+
+    Attributes
+    ----------
+    write : callable
+        Of the value: a text, or data for JSON.
+    read : callable
+        Of that as a text, and of the name of the file for messages: the value.
+    fields : tuple of str
+        The fields that are written together, as a list; empty if the part has the name of its
+        only field.
+    """
+
+    write: Callable[[Any], Any]
+    read: Callable[[str, str], Any]
+    fields: tuple[str, ...] = ()
+
+    def of(self, field: str) -> Part:
+        """The same for a field of another name than the part."""
+        return Part(lambda own: self.write(own[0]), lambda *text: [self.read(*text)], (field,))
+
+    def written(self, name: str, result: Result) -> Any:
+        """What is written of a result under the name of the part."""
+        values = [getattr(result, field) for field in self.fields]
+        return self.write(values if self.fields else getattr(result, name))
+
+    def fields_of(self, name: str, text: str, where: str) -> dict[str, Any]:
+        """The fields of a result, from what was written under the name of the part."""
+        value = self.read(text, where)
+        return dict(zip(self.fields, value, strict=True)) if self.fields else {name: value}
+
+
+def together(*fields: str) -> Part:
+    """Several fields in one list."""
+    return Part(list, lambda text, where: json.loads(text), fields)
+
+
 class Result:
-    """What every result can do; ``result["x"]`` is a variable of its dataset.
+    """Base class of all results; ``result["x"]`` is a variable of the dataset.
 
     Attributes
     ----------
     KIND, FORMAT
         Name of the kind and number of the format in files.
+    PARTS
+        What a file contains besides the dataset: by name, how the fields are written and read.
     """
 
     KIND: ClassVar[str]
     FORMAT: ClassVar[int] = 1
+    PARTS: ClassVar[Mapping[str, Part]] = {}
+
+    @property
+    def title(self) -> str:
+        """Title of the system."""
+        system: System = cast(Any, self).system
+        return system.title or system.name
 
     @property
     def along(self) -> str:
@@ -184,7 +232,7 @@ class Result:
 
     @property
     def _said(self) -> Described:
-        """Itself, as what every kind has to be."""
+        """The result itself, typed as what every kind implements."""
         return cast(Described, self)
 
     @validated
@@ -195,7 +243,7 @@ class Result:
         Raises
         ------
         DeclarationError
-            If there is none of that name.
+            If no quantity has this name.
         """
         data = self._said.dataset
         if name in data.variables:
@@ -214,11 +262,11 @@ class Result:
 
     @property
     def table(self) -> pandas.DataFrame:
-        """The dataset as a table: what has more dimensions than one fills several columns."""
+        """The dataset as a table: a variable with two dimensions fills several columns."""
         return flat(self._said.dataset, self.along)
 
     def summary(self) -> Summary:
-        """What there is to say on a page: outcome, numbers, certificate.
+        """Outcome, numbers and certificate on a page.
 
         Printed, it is a short table; ``.data`` is what ``summary.json`` holds.
         """
@@ -312,23 +360,33 @@ class Result:
         return page.whole(page.drawn(self.plot), summary, page.folded("parameters", values))
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """Data and other parts of a file: by default the data is all there is."""
-        return self._said.dataset, {}
+        """Data and other parts of a file."""
+        parts = {name: part.written(name, self) for name, part in self.PARTS.items()}
+        return self._said.dataset, parts
 
     def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """What of that is needed to make it again: by default all."""
+        """The part of that from which the result can be made again: by default all."""
         return self.stored()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # It goes to another process as it goes into a file: what it was made of, compiled functions
-        # and work space among it, stays here.
+        # A result is pickled as it is stored, without compiled functions and work space.
         data, parts = self.essence()
         return _remade, (type(self), data, storage.as_texts(parts))
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A result from the data and the other parts of a file, as texts."""
-        raise NotImplementedError
+        """A result from the data and the other parts of a file, as texts. A field that files of
+        older versions do not contain has its default."""
+        values = cls.fields_of(data)
+        for name, part in cls.PARTS.items():
+            if name in parts:
+                values |= part.fields_of(name, parts[name], where)
+        return cls(**values)
+
+    @classmethod
+    def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
+        """The fields whose values are the data of a file."""
+        return {"dataset": data}
 
 
 def _remade(kind: type[Result], data: xarray.Dataset, parts: Mapping[str, str]) -> Result:
@@ -388,8 +446,8 @@ def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
 
 
 def restored_residuals(entries: Iterable[Mapping[str, Any]]) -> tuple[Residual, ...]:
-    """Residuals as they were stored: where there was no number is none, where there was no limit is
-    none."""
+    """Residuals as they were stored: JSON has null for a value that is not a number, and for an
+    infinite limit."""
     return tuple(
         Residual(
             **{
@@ -400,6 +458,13 @@ def restored_residuals(entries: Iterable[Mapping[str, Any]]) -> tuple[Residual, 
         )
         for entry in entries
     )
+
+
+TEXT = Part(str, lambda text, where: text)
+PLAIN = Part(lambda value: value, lambda text, where: json.loads(text))
+ITEMS = Part(list, lambda text, where: tuple(json.loads(text)))
+COMPLETION = Part(lambda end: end.code, lambda text, where: Completion.from_code(int(text)))
+CERTIFICATE = Part(asdict, lambda text, where: restored_certificate(json.loads(text)))
 
 
 def _in_lines(text: str) -> page.Html:

@@ -211,7 +211,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "out of range": (["run", "rocking_toy", "--set", "rho=-1"], "(0, inf)"),
     "huge": (["run", "rocking_toy", "--set", "P=9**9**9**9"], "parameters.P"),
     "hostile": (["run", "spring_slider", "--set", "mu=__import__('os').system('true')"], "mu"),
-    "unknown state": (["run", "rocking_toy", "--initial", "phi=1"], "The state has the parts psi"),
+    "unknown state": (["run", "rocking_toy", "--initial", "phi=1"], "Did you mean 'psi'?"),
     "initial formula": (["run", "rocking_toy", "--initial", "psi=P"], "'P' is not a number"),
     "backwards": (["run", "rocking_toy", "--until", "-1"], "time span"),
     "endless": (["run", "rocking_toy", "--until", "inf"], "time span"),
@@ -443,7 +443,7 @@ def test_warmup_says_where_machine_code_is_kept(tmp_path: Path) -> None:
 
 
 def test_shells_can_be_told_the_systems() -> None:
-    from stickslip.cli.common.present import _systems
+    from stickslip.cli.common.options import _systems
 
     assert _systems("rocking") == ["rocking_oscillator", "rocking_toy", "rocking_toy_inertial"]
     assert "--install-completion" in stickslip("--help").stdout

@@ -54,8 +54,8 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
-from stickslip.symbolic.scalars import Scalar, Store, element
-from stickslip.symbolic.tape import DIRECTION_GIVEN, Op, ParameterExpressions
+from stickslip.symbolic.scalars import ParameterExpressions, Scalar, Store, element
+from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
 
 UNIT = 0.7  # of time, in which the series are
 TRIALS = 12

@@ -15,6 +15,7 @@ from tornado.iostream import StreamClosedError
 from tornado.websocket import WebSocketClosedError
 
 from explorer.client import TOKEN, Page, get, in_time, talk
+from seeds import seeds
 from stickslip.explorer.asking.limits import MOST_LANES, MOST_LEVELS
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving import server
@@ -267,4 +268,5 @@ async def _pulled(page: Page) -> int:
 
 
 def test_random_messages(explorer: Explorer) -> None:
-    assert survived(explorer.address, range(100)) == 100
+    drawn = seeds(100)
+    assert survived(explorer.address, drawn) == len(drawn)

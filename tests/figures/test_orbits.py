@@ -24,7 +24,8 @@ from stickslip.figures.poincare import crossings, plot_return_map
 from stickslip.figures.spectrum import plot_eigenvalues
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.sweeps.basin import basin
 from stickslip_paper.sections.scaling import lowest_order

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.model.entries.tables import Table
+from stickslip.model.formats.toml import MAX_BYTES
 from stickslip.model.system import (
     Bilateral,
     Condition,
@@ -29,7 +30,6 @@ from stickslip.model.system import (
     Viscous,
 )
 from stickslip.model.system_file import dumps, load, loads, save
-from stickslip.model.toml import MAX_BYTES
 from stickslip.structures.damping import ModalDamping
 from stickslip.structures.structure import Structure
 

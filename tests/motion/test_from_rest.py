@@ -3,10 +3,12 @@ rounding errors at first, and what is far away has hardly begun to move."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from bodies import chain, typed
@@ -105,3 +107,90 @@ def test_units_that_are_far_apart(small: float) -> None:
     alone, beside = certified(system({})), certified(system({"y": "y**2/2 + 1e-5*y**4"}))
     assert beside.final["x"] == pytest.approx(alone.final["x"], abs=1e-9 * small)
     assert beside.n_switches == alone.n_switches
+
+
+def ellipse(axes: tuple[float, float], forces: tuple[str, str]) -> ss.Trajectory:
+    """A puck on a table whose limit curve is an ellipse, for 1 s from rest."""
+    first, second = forces
+    system = ss.System(
+        "ellipse",
+        coordinates={"x": ss.Inertial(force=first), "y": ss.Inertial(force=second)},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"table": ss.Contact(("d_x", "d_y"), 1.0, axes=axes)},
+        span=(0, 1),
+    )
+    return ss.simulate(system)
+
+
+@pytest.mark.parametrize("narrow", [0.3, 0.1, 0.01, 1e-4])
+def test_slips_begin_along_the_long_axis_of_an_ellipse(narrow: float) -> None:
+    """The slip starts at t = 1/2 with x'' = t - 1/2, whichever axis is the long one."""
+    upright = ellipse((narrow, 1.0), ("0", "0.5 + t"))
+    lying = ellipse((1.0, narrow), ("0.5 + t", "0"))
+    assert upright.certificate.ok
+    assert lying.certificate.ok
+    for along, across, motion in (("y", "x", upright), ("x", "y", lying)):
+        assert motion.final[along] == pytest.approx(1 / 48, rel=1e-12)
+        assert motion.final[f"d_{along}"] == pytest.approx(1 / 8, rel=1e-12)
+        assert motion.final[across] == motion.final[f"d_{across}"] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_slips_of_an_ellipse_do_not_depend_on_the_order_of_its_axes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    narrow = float(10.0 ** rng.uniform(-2.0, 0.0))
+    across, turning = rng.uniform(-0.5, 0.5, 2) * narrow
+    small, large = f"{across} + {turning}*t", f"{rng.uniform(0.3, 0.8)} + t"
+    upright = ellipse((narrow, 1.0), (small, large))
+    lying = ellipse((1.0, narrow), (large, small))
+    assert upright.certificate.ok
+    assert lying.certificate.ok
+    for one, other in (("x", "y"), ("d_x", "d_y")):
+        assert upright.final[one] == pytest.approx(lying.final[other], rel=1e-9, abs=1e-12)
+        assert upright.final[other] == pytest.approx(lying.final[one], rel=1e-9, abs=1e-12)
+
+
+def puck(forces: tuple[str, str]) -> ss.Trajectory:
+    return ellipse((1.0, 1.0), forces)
+
+
+@pytest.mark.parametrize(
+    ("forces", "load"),
+    [
+        (("1", "t**2"), lambda t: (1.0, t**2)),
+        (("1 - t**2/2", "t"), lambda t: (1.0 - t**2 / 2, t)),
+        (
+            ("(1 + t**4)*cos(t)", "(1 + t**4)*sin(t)"),
+            lambda t: ((1 + t**4) * np.cos(t), (1 + t**4) * np.sin(t)),
+        ),
+    ],
+)
+def test_a_load_leaves_the_limit_curve_like_the_fourth_power_of_time(
+    forces: tuple[str, str], load: Callable[[float], tuple[float, float]]
+) -> None:
+    """It begins on the curve and moves along it: |F| - 1 grows like t**4. Regularised friction,
+    extrapolated to none, is the reference."""
+    motion = puck(forces)
+    assert motion.certificate.ok
+
+    def end(small: float) -> np.ndarray:
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            u = y[2:]
+            return np.append(u, np.array(load(t)) - u / np.hypot(small, np.hypot(*u)))
+
+        with np.errstate(over="ignore"):
+            found = solve_ivp(rate, (0.0, 1.0), np.zeros(4), "Radau", rtol=1e-9, atol=1e-14)
+        return found.y[:, -1]
+
+    # Its error is a power of its parameter: Aitken's extrapolation needs no exponent.
+    ends = np.array([end(small) for small in (1e-6, 1e-7, 1e-8)])
+    before, last = np.diff(ends, axis=0)
+    expected = ends[-1] - last**2 / (last - before)
+    found = np.array([motion.final[x] for x in ("x", "y", "d_x", "d_y")])
+    np.testing.assert_allclose(found, expected, atol=2e-7)
+
+
+def test_a_load_that_leaves_the_limit_curve_too_slowly_has_an_honest_outcome() -> None:
+    motion = puck(("(1 + t**6)*cos(t)", "(1 + t**6)*sin(t)"))
+    assert motion.outcome is ss.Outcome.NO_MODE
+    assert "fourth power" in motion.message

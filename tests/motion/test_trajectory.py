@@ -425,3 +425,27 @@ def test_outcome_is_kept(tmp_path: Path) -> None:
     assert motion.outcome is Outcome.NO_BOUNDED_RATE
     motion.save(tmp_path / "motion.nc")
     assert Trajectory.open(tmp_path / "motion.nc").message == motion.message
+
+
+@pytest.mark.parametrize("name", ["spring_slider", "puck", "rocking_toy", "block_chain", "coin"])
+def test_motions_do_not_depend_on_those_before_them(name: str) -> None:
+    """Motions of a system share work space: after others, with other numbers and tolerances, they
+    are bit by bit those of the same system declared anew."""
+    used, new = (getattr(ss.catalogue, name)() for _ in range(2))
+    first, *_ = used.values
+    assert ss.simulate(used, rtol=1e-6).certificate.residuals
+    other_numbers = {first: 1.07 * used.values[first]}
+    assert ss.simulate(used, parameters=other_numbers).certificate.residuals
+    one, other = ss.simulate(used), ss.simulate(new)
+    for part in ("clock", "state", "mode", "region"):
+        np.testing.assert_array_equal(getattr(one.knots, part), getattr(other.knots, part))
+    assert one.certificate == other.certificate
+
+
+def test_numbers_are_checked_whatever_was_computed_before() -> None:
+    system = ss.catalogue.belt_block()
+    ss.simulate(system, (0, 1), parameters={"k": 1.0})
+    wrong: Any
+    for wrong in (True, "1.0", -1.0, math.nan, None):
+        with pytest.raises(ss.DeclarationError, match="k"):
+            ss.simulate(system, (0, 1), parameters={"k": wrong})

@@ -23,14 +23,8 @@ from stickslip.equations.codegen.layout import Generated
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, Store
-from stickslip.symbolic.tape import (
-    DIRECTION_GIVEN,
-    Instruction,
-    Op,
-    ParameterExpressions,
-    Scaled,
-)
+from stickslip.symbolic.scalars import ParameterExpressions, Scalar, Store
+from stickslip.symbolic.tape import DIRECTION_GIVEN, Instruction, Op, Scaled
 
 _NOTHING = 64 * 2.0**-52  # part of its terms below which a difference may be zero
 _LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero

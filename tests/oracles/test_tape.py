@@ -11,8 +11,8 @@ import pytest
 
 from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.scalars import Scalar, numeral
-from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
+from stickslip.symbolic.scalars import ParameterExpressions, Scalar, numeral
+from stickslip.symbolic.tape import Instruction, Op, Scaled
 
 from .tape import Call, Undetermined, inverse, is_definite, step_of, value_of, zero_of
 

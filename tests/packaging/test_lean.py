@@ -28,6 +28,11 @@ def find_spec(name, package=None):
     return None if name in Absent.names else found(name, package)
 importlib.util.find_spec = find_spec
 """
+# xarray loads dask if it is installed, and dask loads SciPy.
+LEAN = """
+Absent.names -= {"matplotlib", "PIL"}
+Absent.names |= {"dask"}
+"""
 CORE = """
 import stickslip as ss
 block = ss.catalogue.belt_block()
@@ -70,6 +75,53 @@ def run(code: str, place: Path, *arguments: str) -> subprocess.CompletedProcess[
 def test_the_core_is_enough_for_motions_and_cycles(tmp_path: Path) -> None:
     said = run(CORE, tmp_path)
     assert said.stdout == "all is as it should be\n", said.stderr
+
+
+def loaded(code: str, place: Path) -> set[str]:
+    """Packages that a process has loaded at its end, and those of ours, but none of Python."""
+    told = "\nprint(*(name for name in sys.modules if name not in before))"
+    ran = run(f"before = set(sys.modules)\n{code}{told}", place)
+    assert ran.returncode == 0, ran.stderr
+    names = ran.stdout.splitlines()[-1].split()
+    ours = {".".join(name.split(".")[:2]) for name in names if name.startswith("stickslip.")}
+    others = {name.partition(".")[0] for name in names} - sys.stdlib_module_names
+    return ours | {name for name in others if not name.startswith(("_", "cython"))}
+
+
+ENDED = """
+from stickslip.cli.app import app
+try:
+    app({words!r})
+except SystemExit as end:
+    assert end.code == 0
+"""
+
+
+def test_an_import_loads_itself_alone(tmp_path: Path) -> None:
+    assert loaded("import stickslip", tmp_path) == {"stickslip"}
+
+
+def test_help_computes_nothing(tmp_path: Path) -> None:
+    found = loaded(ENDED.format(words=["--help"]), tmp_path)
+    assert {"stickslip", "stickslip.cli", "typer"} <= found
+    computing = {"motion", "equations", "machine_code", "orbits", "sweeps", "figures", "explorer"}
+    assert not found & {f"stickslip.{name}" for name in computing}
+    assert not found & {"numpy", "llvmlite", "xarray", "pandas", "scipy", "pydantic"}
+
+
+def test_a_motion_and_its_picture_load_nothing_of_later_packages(tmp_path: Path) -> None:
+    """Nor SciPy, which takes longer to import than the motion takes to be computed."""
+    import stickslip as ss
+
+    ss.simulate(ss.catalogue.belt_block())  # who compiles the engine loads all of it
+    words = ["run", "belt_block", "--out", "block"]
+    found = loaded(LEAN + ENDED.format(words=words), tmp_path)
+    assert (tmp_path / "block" / "overview.png").is_file()
+    later = {"rate_independent", "orbits", "sweeps", "fitting", "explorer", "exports"}
+    assert not found & {f"stickslip.{name}" for name in later}
+    # Each is a part of the core or of matplotlib: what else is there is not looked for.
+    assert {"numpy", "llvmlite", "xarray", "matplotlib"} <= found
+    assert not found & {"scipy", "bokeh", "zarr", "clarabel", "pyamg", "pythonfmu"}
 
 
 def test_a_command_says_which_extra_it_needs(tmp_path: Path) -> None:

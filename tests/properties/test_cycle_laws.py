@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from orbits.examples import SLIDER, damped_block, dragged, mass_on_belt
 from stickslip import System, catalogue
 from stickslip.motion.problem import pose
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.shooting import parameter_values

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from properties.families import Drawn, draw, linear_family
 from stickslip import System, simulate
 from stickslip.motion.trajectory import Trajectory
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.mode_sequence import nearest_change
-from stickslip.orbits.return_map.shooting import make_station, parameter_values
+from stickslip.orbits.return_map.shooting import parameter_values
+from stickslip.orbits.return_map.stations import make_station
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,14 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import pytest
 
+from seeds import seeds
+from stickslip import model
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.model.system_file import dumps, loads
@@ -18,7 +22,7 @@ TEXTS = {
     path.name: path.read_text(encoding="utf-8")
     for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 }
-SEEDS = range(200)
+SEEDS = seeds(200)
 
 VALUES = [
     "3",
@@ -293,6 +297,8 @@ class Watch:
 @pytest.fixture(scope="module")
 def watch() -> Watch:
     # Everything that is imported late is imported now.
+    for module in walk_packages(model.__path__, f"{model.__name__}."):
+        import_module(module.name)
     for text in TEXTS.values():
         loads(text)
     return Watch()

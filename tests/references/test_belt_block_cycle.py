@@ -10,7 +10,7 @@ import pytest
 from oracles import belt_block
 from stickslip import catalogue
 from stickslip.errors import ConvergenceError
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 SETS = [
     {"m": 1.0, "k": 1.0, "V": 0.3, "F_s": 1.0, "F_k": 0.6},

@@ -16,7 +16,8 @@ import pytest
 from oracles import scaled_slider
 from stickslip import catalogue
 from stickslip.orbits.branches.cycle_branch import continue_cycle
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 GAMMA_SLIP = 0.0054267655331678199637
 GAMMA_STICK = 6.366083565301879946

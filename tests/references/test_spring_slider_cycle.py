@@ -13,7 +13,8 @@ import pytest
 from oracles import spring_slider
 from orbits.examples import SLIDER
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 STICKING = {
     0.02: (

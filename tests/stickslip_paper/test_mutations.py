@@ -12,7 +12,7 @@ import pytest
 from stickslip import Contact, Internal, System, Viscous, catalogue
 from stickslip.rate_independent.averaging import minima
 from stickslip.rate_independent.dissipation import group_norm, polytope, weighted_l1
-from stickslip.rate_independent.play import operator as play_module
+from stickslip.rate_independent.play.motion import PlayMotion
 from stickslip_paper import claims
 
 CLAIMS = {item.name: item for item in claims()}
@@ -161,13 +161,13 @@ def test_average_that_vanishes_is_noticed(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_play_that_follows_the_wrong_bound_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = play_module.Play._state
+    right = PlayMotion.state
 
     def wrong(self: Any, t: Any, k: Any) -> Any:
         state = right(self, t, k)
         return state._replace(z=np.where(self.mode[k] > 0, state.now.high, state.z))
 
-    monkeypatch.setattr(play_module.Play, "_state", wrong)
+    monkeypatch.setattr(PlayMotion, "state", wrong)
     assert_noticed(["play_is_a_running_maximum", "limit_solution"])
 
 

@@ -14,7 +14,7 @@ from mpmath import mp, mpf
 from oracles import scaled_slider
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip_paper.sections.scaling import (
     EQUATIONS,
     exact,

@@ -114,3 +114,23 @@ def test_a_structure_alone_does_not_know_its_parameters() -> None:
     with pytest.raises(ss.DeclarationError, match="'zeta' is a formula of parameters"):
         _ = body.modal_damping
     assert "zeta of critical" in str(body.summary())
+
+
+@pytest.mark.parametrize("surplus", [1, 3])
+@pytest.mark.parametrize("n", [1, 4])
+def test_more_ratios_than_modes_are_refused(n: int, surplus: int) -> None:
+    ratios = [0.01 * (i + 1) for i in range(n + surplus)]
+    with pytest.raises(ss.DeclarationError, match=rf"{n + surplus} ratios, but .* {n} mode"):
+        ss.Structure(*chain(n), ss.ModalDamping(ratios))
+    for fewer in range(1, n + 1):
+        body = ss.Structure(*chain(n), ss.ModalDamping(ratios[:fewer]))
+        each = [*ratios[:fewer], *[ratios[fewer - 1]] * (n - fewer)]
+        np.testing.assert_allclose(body.modal_damping, 2.0 * np.array(each) * body.frequencies)
+
+
+def test_a_reduced_structure_keeps_the_ratios_of_its_modes() -> None:
+    body = ss.Structure(*chain(6), ss.ModalDamping([0.01, 0.02, 0.03, 0.04, 0.05, 0.06]))
+    small = body.reduced(keep=[5], modes=2)
+    np.testing.assert_allclose(
+        small.modal_damping, 2.0 * np.array([0.01, 0.02, 0.03]) * small.frequencies
+    )

@@ -197,9 +197,35 @@ def test_starts_that_make_no_sense_are_refused(
         ss.simulate(system, (0.0, 1.0), initial={**initial, **dict.fromkeys(names, 0.1)})
     with pytest.raises(ss.DeclarationError, match=said):
         ss.simulate(replace(system, initial={**initial, **dict.fromkeys(names, 0.1)}), (0.0, 1.0))
-    if not initial and len(names) == 1:
-        with pytest.raises(ss.DeclarationError, match=said):
-            ss.simulate(system, (0.0, 1.0)).sensitivity(list(names), [1.0])
+    every = {**initial, **dict.fromkeys(names, 0.1)}
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.simulate(system, (0.0, 1.0)).sensitivity([*every], [1.0])
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.simulate_many(system, (0.0, 1.0), initial={x: [v, 0.2] for x, v in every.items()})
+    with pytest.raises(ss.DeclarationError, match=said):
+        system.evaluate("u[0]", every)
+
+
+@pytest.mark.parametrize("name", ["u[tip]", "u[2]", "d_u[1]", "u_mode_1"])
+def test_what_is_free_is_not_given(name: str) -> None:
+    system = both()[0]
+    table = {"t": [1.0, 2.0, 3.0], "u[0]": [0.0, 0.1, 0.2]}
+    data = ss.Recording(table, begin=0.0)
+    said = "its value is given by|same degree of freedom|of the mode u_mode_1 is given as well"
+    free: dict[str, Any] = {name: (-1.0, 1.0)}
+    assert ss.fit_problem(system, data, free).names == [name]
+    given = {"u[tip]": 0.1} if name != "d_u[1]" else {name: 0.1}
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.fit_problem(system, data, free, initial=given)
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.fit_problem(system, ss.Recording(table, begin=0.0, initial=given), free)
+
+
+def test_derivatives_by_one_name_twice_are_refused() -> None:
+    motion = ss.simulate(both()[0], (0.0, 1.0))
+    for name in ("F", "u[tip]", "u_mode_1"):
+        with pytest.raises(ss.DeclarationError, match="it is given twice"):
+            motion.sensitivity([name, name], [1.0])
 
 
 def test_what_no_start_determines_is_refused() -> None:
@@ -242,3 +268,38 @@ def test_a_ring_down_does_not_pass_through_poles(of: str) -> None:
 def test_a_backbone_needs_a_slope_at_rest(of: str) -> None:
     with pytest.raises(ss.DeclarationError, match="no finite slope"):
         ss.backbone(free(), (0.01, 0.02), of=of, points=2)
+
+
+def dying(case: str) -> ss.System:
+    """Structures whose joint holds while they come to rest: the blade of the tutorial, or a random
+    chain."""
+    if case == "blade":
+        blade = ss.Structure(*clamped(60), ss.ModalDamping(0.005), names={"rub": 44, "tip": 118})
+        body, place, k = blade.reduced(keep=["rub", "tip"], modes=4), "d_u[rub]", 1.3e6
+    else:
+        rng = np.random.default_rng(int(case))
+        n = int(rng.integers(2, 7))
+        mass, stiffness = chain(n)
+        ratio = 10.0 ** rng.uniform(-2.5, -0.5)
+        stiff = stiffness * 10.0 ** rng.uniform(0.0, 4.0)
+        body = ss.Structure(mass, stiff, ss.ModalDamping(ratio), names={"tip": n - 1})
+        place, k = "d_u[0]", 3.0
+    return ss.System(
+        "dying",
+        parameters={"F": 0.0},
+        structures={"u": body},
+        forces={"u[tip]": "F*cos(120*t)"},
+        contacts={"joint": ss.laws.jenkins(place, F_c=1e9, k=k)},
+    )
+
+
+@pytest.mark.parametrize("case", ["blade", *map(str, range(1, 7))])
+def test_a_map_certifies_a_rest_as_a_motion_does(case: str) -> None:
+    # What is left of the motion is tiny beside what it was, and is measured by itself.
+    system = dying(case)
+    found = ss.sweep(system, {"u[tip]": [5e-4, 0.3]}, ["time", "duration"])
+    assert np.all(found["outcome"] == ss.Outcome.AT_REST.code)
+    assert found.certificate.ok
+    assert np.all(found["certificate"] < 1e-9)
+    for start in (5e-4, 0.3):
+        assert ss.simulate(system, (0.0, 50.0), initial={"u[tip]": start}).certificate.ok

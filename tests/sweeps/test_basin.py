@@ -23,7 +23,7 @@ from stickslip import (
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.stopping.scopes import Stopped, scope, watching
 from stickslip.sweeps import basin as module
 from stickslip.sweeps import sweep as sweep_module

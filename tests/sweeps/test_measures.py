@@ -13,7 +13,7 @@ from stickslip.arrays import Array
 from stickslip.model.quantities import MEASURABLE
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request import measures, one_period
 from stickslip.sweeps.work.chunk import measure_chunk

@@ -1,4 +1,4 @@
-"""The commands: what they are called, and those that are a few lines."""
+"""The command line program: the names of all commands, and the short ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stickslip import __version__
 from stickslip.cli.added import add_commands
 from stickslip.cli.commands import evolving, exploring, fitting, orbits, shaking, sweeping
 from stickslip.cli.common.ending import NOT_CERTIFIED, guarded
-from stickslip.cli.common.present import Model, Out, ParameterOptions
+from stickslip.cli.common.options import Model, Out, ParameterOptions, with_single_options
 from stickslip.results import Summary, certificate_rows
 
 app: typer.Typer = typer.Typer(
@@ -212,5 +212,5 @@ for _name, _command in {
     "export": sweeping.export_command,
     "explore": exploring.explore_command,
 }.items():
-    app.command(_name)(guarded(_command))
+    app.command(_name)(guarded(with_single_options(_command)))
 add_commands(app, guarded)

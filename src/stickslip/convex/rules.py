@@ -1,7 +1,8 @@
-"""What is convex by its form: the rules of disciplined convex programming.
+"""Convexity of expressions by the rules of disciplined convex programming.
 
-Sums of what is convex are; so are the larger of two, absolute values, powers from 1 on of what is
-convex and not negative, and roots of sums of such powers, which are norms (Minkowski).
+Sums and maxima of convex expressions are convex, and so are absolute values, powers with an
+exponent of at least 1 of convex nonnegative expressions, and roots of sums of such powers, which
+are norms (Minkowski).
 
 Source: M. Grant, S. Boyd and Y. Ye, *Disciplined convex programming*, in: Global Optimization
 (2006) 155-210.
@@ -22,7 +23,7 @@ AFFINE_SHAPE, CONVEX, CONCAVE = 0, 1, -1
 
 
 class ConvexRules:
-    """What the rules say of expressions in some directions."""
+    """Curvature and sign of expressions of a velocity v that lies in some directions."""
 
     def __init__(self, directions: Directions) -> None:
         self.directions = directions
@@ -31,14 +32,14 @@ class ConvexRules:
         self._signs: dict[Expr, bool] = {}
 
     def shape(self, e: Expr) -> int | None:
-        """AFFINE_SHAPE, CONVEX or CONCAVE in v, or None if no rule tells."""
+        """AFFINE_SHAPE, CONVEX or CONCAVE in v, or None if no rule applies."""
         if e not in self._shapes:
             self._shapes[e] = None
             self._shapes[e] = self._shape(e)
         return self._shapes[e]
 
     def nonnegative(self, e: Expr) -> bool:
-        """Whether an expression is seen to have no negative value."""
+        """Whether an expression is proved to have no negative value."""
         if e not in self._signs:
             seen = ex.never_negative(e)
             self._signs[e] = seen or self.directions.nonnegative(e)
@@ -51,16 +52,18 @@ class ConvexRules:
             case "sym":
                 return AFFINE_SHAPE
             case "sum":
-                shapes = [self._turned(self.shape(term), c > 0.0) for term, c in e.terms]
-                return None if None in shapes else _together([s for s in shapes if s is not None])
+                shapes = [self._times_sign(self.shape(term), c > 0.0) for term, c in e.terms]
+                return (
+                    None if None in shapes else _shape_of_sum([s for s in shapes if s is not None])
+                )
             case "prod":
                 return self._shape_of_product(e)
             case "select":
-                return self._shape_of_larger(e)
+                return self._shape_of_select(e)
         return None
 
     def _shape_of_product(self, e: Expr) -> int | None:
-        factor, moving = self._parted(e)
+        factor, moving = self._split_product(e)
         if len(moving) != 1:
             return None
         shape = self._shape_of_power(*moving[0])
@@ -70,8 +73,9 @@ class ConvexRules:
             return shape
         return -shape if self.nonnegative(-factor) else None
 
-    def _parted(self, e: Expr) -> tuple[Expr, list[tuple[Expr, float]]]:
-        """What of a product does not depend on v, and the other factors with their exponents."""
+    def _split_product(self, e: Expr) -> tuple[Expr, list[tuple[Expr, float]]]:
+        """The factor of a product that does not depend on v, and the other factors with their
+        exponents."""
         terms = e.terms if e.op == "prod" else ((e, 1.0),)
         fixed = [ex.power(base, ex.num(p)) for base, p in terms if not base.symbols & self.names]
         moving = [(base, p) for base, p in terms if base.symbols & self.names]
@@ -80,7 +84,7 @@ class ConvexRules:
     def _shape_of_power(self, base: Expr, p: float) -> int | None:
         if p == 1.0:
             return self.shape(base)
-        if 0.0 < p < 1.0 and self._is_norm(base, _whole(1.0 / p)):
+        if 0.0 < p < 1.0 and self._is_norm(base, _rounded_exponent(1.0 / p)):
             return CONVEX
         shape = self.shape(base)
         if shape is None:
@@ -92,7 +96,7 @@ class ConvexRules:
         return CONCAVE if p > 0.0 else CONVEX
 
     def _power_is_convex(self, f: Expr, q: float) -> bool:
-        """Whether fᵠ is the power of what is convex and nonnegative: of |f| where q is even."""
+        """Whether fᵠ = gᵠ for a convex, nonnegative g: g = f or, if q is even, g = |f|."""
         shape = self.shape(f)
         if shape is None or q < 1.0:
             return False
@@ -102,7 +106,8 @@ class ConvexRules:
         return even and shape == CONCAVE and self.nonnegative(-f)
 
     def _is_norm(self, base: Expr, q: float) -> bool:
-        """Whether the root of order q is one of a sum of powers of order q."""
+        """Whether base^(1/q) is a norm: base is a sum of q-th powers of convex nonnegative
+        expressions or, for q = 2, a positive semidefinite form."""
         terms = base.terms if base.op == "sum" else ((base, 1.0),)
         if base.op == "sum" and float(base.value):
             return False
@@ -111,18 +116,19 @@ class ConvexRules:
         return q == 2.0 and is_nonnegative_form(base, self.directions)
 
     def _is_power(self, term: Expr, q: float) -> bool:
-        factor, moving = self._parted(term)
+        factor, moving = self._split_product(term)
         if not moving:
             return False
-        f = ex.multiply(*(ex.power(base, ex.num(_whole(p / q))) for base, p in moving))
+        f = ex.multiply(*(ex.power(base, ex.num(_rounded_exponent(p / q))) for base, p in moving))
         return f is not term and self._power_is_convex(f, q) and self.nonnegative(factor)
 
-    def _shape_of_larger(self, e: Expr) -> int | None:
-        """Of the larger of two, or the smaller."""
+    def _shape_of_select(self, e: Expr) -> int | None:
+        """The shape of a select: where above − below = c·guard it is a maximum (c > 0) or a minimum
+        (c < 0)."""
         guard, above, below = e.args
         if not guard.symbols & self.names:
             shapes = [self.shape(above), self.shape(below)]
-            return None if None in shapes else _together([s for s in shapes if s is not None])
+            return None if None in shapes else _shape_of_sum([s for s in shapes if s is not None])
         difference = above - below
         signs = {
             c > 0.0 for c, constant, rest in splits(difference, guard) if not rest and not constant
@@ -132,22 +138,22 @@ class ConvexRules:
         wanted = CONVEX if signs.pop() else CONCAVE
         return wanted if {self.shape(above), self.shape(below)} <= {AFFINE_SHAPE, wanted} else None
 
-    def _turned(self, shape: int | None, positive: bool) -> int | None:
+    def _times_sign(self, shape: int | None, positive: bool) -> int | None:
         return shape if positive or shape is None else -shape
 
 
-def _together(shapes: Sequence[int]) -> int | None:
+def _shape_of_sum(shapes: Sequence[int]) -> int | None:
     """The shape of a sum."""
     return None if {CONVEX, CONCAVE} <= set(shapes) else sum(set(shapes))
 
 
-def _whole(q: float) -> float:
-    """An exponent, without the rounding of 1/(1/3)."""
+def _rounded_exponent(q: float) -> float:
+    """An exponent that is an integer up to rounding, such as 1/(1/3), as that integer."""
     return float(round(q)) if abs(q - round(q)) <= FEW_ROUNDINGS * abs(q) else q
 
 
 def is_nonnegative_form(e: Expr, directions: Directions) -> bool:
-    """Whether an expression is seen to be ⟨v, Q v⟩ with a positive semidefinite Q: exactly, if Q
+    """Whether an expression is proved to be ⟨v, Q v⟩ with a positive semidefinite Q: exactly, if Q
     is made of numbers."""
     names = directions.names
     if ex.bends(e, names):

@@ -303,6 +303,24 @@ def derive(declaration: Declaration) -> MotionEquations:
     return made_once(declaration, "equations", lambda: _equations_of(declaration))
 
 
+def _formulas_of_contacts(
+    d: Declaration, contacts: Sequence[DryContact], members: Sequence[Sequence[DryContact]]
+) -> list[Expr]:
+    """The formulas of contacts, and of the mass if it is not constant, on which the motion
+    depends."""
+    held = frozenset(d.parameters)
+    used = [e for e in d.mass.values() if not e.symbols <= held]
+    for c in contacts:
+        used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+        # The law at rest says whether sliding forces are admissible.
+        at_rest = {f"speed:{i}": ex.ZERO for i in range(len(contacts))}
+        forces = (c.kinetic_plus, c.kinetic_minus)
+        used += [ex.substitute(force, at_rest, undefined=True) for force in forces]
+        used += [j for j in c.direction.values() if not j.symbols <= held]
+        used += [c.gap] if c.gap is not None else []
+    return used + [c.sense for own in members for c in own]
+
+
 def _equations_of(d: Declaration) -> MotionEquations:
     own = {r: i for i, r in enumerate(d.rate_independent)}
     contacts = sorted(
@@ -333,31 +351,13 @@ def _equations_of(d: Declaration) -> MotionEquations:
     energy, dissipation, supply = _powers(d, contacts)
     rate = rate_problem_of(d, contacts, slope)
     planes = [plane._replace(pull=pull_of(d, contacts, plane, rate, force_of)) for plane in planes]
-    used = [
-        *inertial_force,
-        *viscous_force,
-        *implicit.values(),
-        *laws,
-        *rate.rest,
-        *rate.force,
-        *(r for row in rate.stiffness for r in row),
-    ]
-    held = frozenset(d.parameters)
-    used += [e for e in d.mass.values() if not e.symbols <= held]
-    for c in contacts:
-        used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
-        # The law at rest says whether sliding forces are admissible.
-        at_rest = {f"speed:{i}": ex.ZERO for i in range(len(contacts))}
-        forces = (c.kinetic_plus, c.kinetic_minus)
-        used += [ex.substitute(force, at_rest, undefined=True) for force in forces]
-        used += [j for j in c.direction.values() if not j.symbols <= held]
-        used += [c.gap] if c.gap is not None else []
-    used += [c.sense for own in members for c in own]
-    used += _formulas_of(d.jumps)
-    felt = list(used)
-    used += [energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
+    moving = [*inertial_force, *viscous_force, *implicit.values(), *laws, *rate.rest, *rate.force]
+    moving += [r for row in rate.stiffness for r in row]
+    felt = [*moving, *_formulas_of_contacts(d, contacts, members), *_formulas_of(d.jumps)]
+    used = [*felt, energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
     used += [e for plane in planes for e in (plane.unit, *plane.slope)]
     used += [e for c in contacts for e in (*c.direction.values(), c.axis, c.restitution)]
+    held = frozenset(d.parameters)
     guards = dict.fromkeys(ex.listed_guard(n, held) for n in ex.walk(used) if n.op == "select")
     guards |= dict.fromkeys(jump.guard for jump in d.jumps)
     kinks = list(guards)

@@ -16,7 +16,7 @@ from dataclasses import replace
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.declared import Kind
-from stickslip.model.schema import entry_key
+from stickslip.model.formats.expected import entry_key
 from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds

@@ -152,7 +152,7 @@ def named_system(text: str) -> System:
 
 def _evolution(path: str) -> str | None:
     """The text of a model file if it declares an evolution; what is wrong with it is said."""
-    from stickslip.model.toml import parse, read_text, said_of
+    from stickslip.model.formats.toml import parse, read_text, said_of
 
     with said_of(path):
         text = read_text(path)

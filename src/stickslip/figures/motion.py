@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,13 @@ from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.figures.drawing.axes import (
+    MANY_LINES,
+    label_of_several,
+    label_rows,
+    set_roomy_limits,
+    spread_out,
+)
 from stickslip.figures.drawing.planes import InPlane, PlaneCurves
 from stickslip.figures.drawing.sampling import SampledMotion
 from stickslip.figures.drawing.style import (
@@ -48,9 +54,6 @@ from stickslip.numerics.ratios import ratio
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-# lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
-_MANY = 4
-_ROOM = 16  # letters of the names that a panel has room for beside its axis
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
 _INSIDE = 0.3  # opacity of what is between an envelope
 _MARKED = 200  # impacts of a contact
@@ -176,7 +179,7 @@ class _Overview:
     def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state, *self.system.unknowns, *self.system.outputs]
-        if len(self.contacts) <= _MANY:
+        if len(self.contacts) <= MANY_LINES:
             rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
             names += [name for plane in self.in_plane.values() for name in plane.traced]
@@ -210,7 +213,7 @@ class _Overview:
 
     def shown_planes(self) -> list[InPlane]:
         """Contacts in a plane whose paths and forces are drawn."""
-        few = len(self.contacts) <= _MANY
+        few = len(self.contacts) <= MANY_LINES
         return list(self.in_plane.values()) if few else []
 
     def sizes(self, values: Mapping[str, Array]) -> dict[str, Array]:
@@ -245,7 +248,7 @@ class _Overview:
             rows.append(figure.add_subplot(left[row], sharex=rows[0] if rows else None))
             panel(rows[-1])
             rows[-1].tick_params(labelbottom=row == len(panels) - 1)
-        if 1 < len(self.contacts) <= _MANY:
+        if 1 < len(self.contacts) <= MANY_LINES:
             legend_above(
                 rows[0], [Patch(color=STICK_SHADE, label="every contact sticks")], right=True
             )
@@ -272,14 +275,17 @@ class _Overview:
         groups = [g for kind in kinds for g in self.by_unit(self.these(kind))]
         velocities = self.by_unit([f"d_{q}" for q in self.these(self.inertial)])
         inside = self.these(d.internal)
-        internal = [[name] for name in inside] if len(inside) <= _MANY else self.by_unit(inside)
+        internal = (
+            [[name] for name in inside] if len(inside) <= MANY_LINES else self.by_unit(inside)
+        )
         panels = [self.trace(names) for names in groups]
         panels += [
-            self.trace(names) if len(names) <= _MANY else self.heat(names) for names in velocities
+            self.trace(names) if len(names) <= MANY_LINES else self.heat(names)
+            for names in velocities
         ]
         panels += [self.trace(names) for names in internal]
         panels += [self.trace(names) for names in self.by_unit(self.these(self.system.outputs))]
-        if len(self.contacts) > _MANY:
+        if len(self.contacts) > MANY_LINES:
             return [*panels, self.mode_map]
         return panels + [self.contact(name) for name in self.names]
 
@@ -299,19 +305,19 @@ class _Overview:
 
     def trace(self, names: list[str]) -> Callable[[Axes], None]:
         def panel(axes: Axes) -> None:
-            if len(self.contacts) <= _MANY:  # else the map of the modes says it
+            if len(self.contacts) <= MANY_LINES:  # else the map of the modes says it
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):
                 self._line(axes, name, colour, self.alpha(len(names)))
-            _roomy(axes, np.concatenate([self.values[name] for name in names]))
+            set_roomy_limits(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
-                shown = [(names[i], colours[i]) for i in _some(len(names))]
+                shown = [(names[i], colours[i]) for i in spread_out(len(names))]
                 legend_above(
                     axes,
                     [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown],
                 )
-            axes.set_ylabel(_axis_of(names, self.unit(names[0])))
+            axes.set_ylabel(label_of_several(names, self.unit(names[0])))
 
         return panel
 
@@ -369,7 +375,7 @@ class _Overview:
             unit = unit_label(self.unit(names[0]))
             label = "velocity" + (f"  [{unit}]" if unit else "")
             self.figure.colorbar(drawn, ax=axes, pad=0.01, aspect=8, extend="both", label=label)
-            _rows(axes, [symbol(name) for name in names])
+            label_rows(axes, [symbol(name) for name in names])
 
         return panel
 
@@ -382,7 +388,7 @@ class _Overview:
             axes.fill_between(self.t, 0.0, bound, color=BAND, lw=0, alpha=0.6, zorder=1)
             axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2)
             self._line(axes, f"size_{plane.key}", BLUE, zorder=3)
-            _roomy(axes, np.concatenate([size, bound, [0.0]]))
+            set_roomy_limits(axes, np.concatenate([size, bound, [0.0]]))
             unit = unit_label(self.unit(f"friction_{plane.parts[0]}"))
             plain = plane.is_disc or plane.formula is not None
             said = r"$|\lambda|$" if plain else r"$|A^{-1}\lambda|$"
@@ -417,7 +423,7 @@ class _Overview:
             for bound in (-plus, minus):
                 axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2, alpha=self.alpha(3))
             self._line(axes, f"friction_{key}", BLUE, zorder=3)
-            _roomy(axes, np.concatenate([force, -plus, minus]))
+            set_roomy_limits(axes, np.concatenate([force, -plus, minus]))
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
@@ -433,7 +439,7 @@ class _Overview:
 
         def panel(axes: Axes) -> None:
             self._line(axes, quantity, BLUE, zorder=3)
-            _roomy(axes, self.values[quantity])
+            set_roomy_limits(axes, self.values[quantity])
             unit = unit_label(self.unit(quantity))
             axes.set_ylabel(r"$|N|$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
@@ -449,7 +455,7 @@ class _Overview:
             struck = self.struck(key)
             axes.plot(struck, np.zeros(len(struck)), "o", ms=3.5, mfc="white", mec=VERMILION)
             self._line(axes, f"gap_{key}", BLUE, zorder=3)
-            _roomy(axes, self.values[f"gap_{key}"])
+            set_roomy_limits(axes, self.values[f"gap_{key}"])
             unit = unit_label(self.unit(f"gap_{key}"))
             axes.set_ylabel(r"$g$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
@@ -482,7 +488,7 @@ class _Overview:
             }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
-        _rows(axes, self.names)
+        label_rows(axes, self.names)
         shown = [(STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −")]
         if len(self.in_plane) == len(self.contacts):
             shown[1:] = [(SLIP[1], "slip")]
@@ -562,7 +568,7 @@ class _Overview:
             axes.plot(*start, "o", ms=6, mfc="white", mec=STICK_LINE, zorder=4, label="start")
             axes.set_xlabel(self.quantity_label(across))
             axes.set_ylabel(self.quantity_label(up))
-            _roomy(axes, y)
+            set_roomy_limits(axes, y)
             axes.margins(x=0.05)
             axes.set_box_aspect(0.9)
             axes.set_anchor("N")
@@ -578,38 +584,3 @@ class _Overview:
 def _difference(values: Mapping[str, Array], names: list[str]) -> Array:
     """A quantity, or how much it exceeds a second one."""
     return values[names[0]] - values[names[1]] if len(names) == 2 else values[names[0]]
-
-
-def _axis_of(names: Sequence[str], unit: str) -> str:
-    """The label of an axis for several variables: all of them, or the first and the last, or what
-    their names begin with, as there is room. The legend names each."""
-    if len(names) <= _MANY and sum(map(len, names)) <= _ROOM:
-        return axis_label(names, unit)
-    alike = takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))
-    stem = "".join(letters[0] for letters in alike).partition("[")[0].rstrip("0123456789_")
-    whole = stem not in ("", "d") and all(name[len(stem)] in "[_0123456789" for name in names)
-    if whole and len(names[0]) + len(names[-1]) > _ROOM:
-        return axis_label([stem], unit)
-    return axis_label([names[0], names[-1]], unit).replace(", ", r" $\ldots$ ", 1)
-
-
-def _roomy(axes: Axes, values: Array) -> None:
-    """Limits with some air, also for a constant."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    air = 0.07 * (high - low)
-    if air <= 1e-9 * max(abs(low), abs(high)):
-        air = 0.1 * max(abs(low), abs(high)) or 1.0
-    axes.set_ylim(low - air, high + air)
-
-
-def _rows(axes: Axes, labels: list[str]) -> None:
-    """Label rows of a map; only some if there are many."""
-    shown = _some(len(labels))
-    axes.set_yticks([i + 1 for i in shown], [labels[i] for i in shown])
-    axes.tick_params(axis="y", length=0, labelsize=9)
-
-
-def _some(count: int) -> range:
-    """Numbers of at most eight of many things, evenly from the first on."""
-    return range(0, count, -(-count // 8))

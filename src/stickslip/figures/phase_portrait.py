@@ -30,9 +30,10 @@ from stickslip.figures.drawing.style import (
 from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.motion.simulate import simulate
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
-from stickslip.orbits.equilibria.finding import checked_values, equilibria
+from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.regions import values_at
 
 if TYPE_CHECKING:

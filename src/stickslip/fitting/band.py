@@ -22,7 +22,8 @@ from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.sensitivities.cycle import cycle_sensitivity
 from stickslip.progress import watched
 from stickslip.results import Completion, Result, shortened
@@ -284,6 +285,7 @@ def _moved_by(
     for variance, axis in zip(variances, axes.T, strict=True):
         if variance <= _NEGLIGIBLE * variances[-1]:
             continue
+        # Along the principal axes of the covariance the changes are independent: variances add up.
         step = _BESIDE * np.sqrt(variance) * axis
         ends = [
             _again(branch, point, start, dict(zip(free, estimate + s * step, strict=True)), width)

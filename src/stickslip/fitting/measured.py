@@ -355,7 +355,7 @@ def _initial(system: System, recording: Recording) -> dict[str, Expr]:
         for name, value in recording.initial.items()
     }
     for name in system.started(found):
-        check_initial(declaration, name, 0.0)
+        check_initial(declaration, name, 0.0, system.started_unknowns)
     return found
 
 

@@ -392,7 +392,7 @@ def fit_problem(
     parameters : mapping of str to float, optional
         Values that replace the defaults: start values, or known values.
     initial : mapping of str to float or str, optional
-        Initial values of all recordings; formulas of the parameters are allowed.
+        Known initial values of all recordings; formulas of the parameters are allowed.
     drives : mapping of str to str, optional
         Recorded drives, and their columns.
     time : str

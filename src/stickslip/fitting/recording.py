@@ -15,7 +15,7 @@ import numpy as np
 from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
-from stickslip.model.entries.columns import (
+from stickslip.model.formats.columns import (
     DECIMAL_POINTS,
     cells_in,
     check_cells,

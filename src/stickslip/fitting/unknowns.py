@@ -93,7 +93,6 @@ def read_unknowns(
         raise DeclarationError(
             "free", "there are no unknowns to fit", 'Give the unknowns, like {"k": (1, 10)}'
         )
-    state = list(system.declaration.state)
     for record in records:
         system.check_starts([*record.initial, *table], "free")
     found: list[Unknown] = []
@@ -110,7 +109,7 @@ def read_unknowns(
         elif system.start_slope(name, "free"):
             found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
         else:
-            known = suggestion(name, [*system.parameters, *state])
+            known = suggestion(name, [*system.parameters, *system.starts])
             raise DeclarationError(f"free.{name}", "unknown parameter or part of the state", known)
     return tuple(found)
 
@@ -137,25 +136,18 @@ def _parameter(system: System, name: str, bounds: FreeRange, given: Mapping[str,
 def _initial(
     system: System, name: str, bounds: FreeRange, r: int, records: tuple[Recording, ...]
 ) -> Unknown:
-    begun = system.plain.initial
-    row = system.unknown(name) or {name: 1.0}
-    declared = sum(weight * begun.get(part, 0.0) for part, weight in row.items())
-    given = records[r].initial.get(name, declared)
-    if isinstance(given, str):
+    if name in records[r].initial:
         raise DeclarationError(
             f"free.{name}",
-            f"{records[r].source} gives its initial value, {given}",
-            "Fit it, or give its initial value",
+            f"its value is given by {records[r].source}, {records[r].initial[name]}",
+            "Remove the given value, or do not fit it; the search starts from the declared initial "
+            "value",
         )
+    begun = system.plain.initial
+    row = system.unknown(name) or {name: 1.0}
+    value = float(sum(weight * begun.get(part, 0.0) for part, weight in row.items()))
     low, high = checked_bounds(name, bounds, (-math.inf, math.inf))
-    value = float(given)
     if not low <= value <= high:
-        if name in records[r].initial:
-            raise DeclarationError(
-                f"initial.{name}",
-                f"the start {value:g} is outside the bounds {low:g} to {high:g}",
-                "Choose a start within the bounds",
-            )
         value = middle(low, high)
     label = name if len(records) == 1 else f"{name}[{r + 1}]"
     unit = quantity(system, name).get("units", "1")

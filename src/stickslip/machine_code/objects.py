@@ -20,10 +20,11 @@ from llvmlite import binding as llvm
 from stickslip.kept import cached_property
 from stickslip.machine_code.store import cache_folder, keep, stored
 
-# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system,
-# is no faster for it; where it is long, anything but 0 would take longer than most motions.
+# Optimisation levels of LLVM's code generation. Code with loops is optimised before. Code without
+# loops, as of a system, runs no faster for it, and if it is long any level but 0 takes longer to
+# compile than most motions to compute.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
-_LONG = 400_000  # characters without tables, of straight code
+_LONG = 400_000  # characters of code without loops, not counting tables
 # What compiled functions may call of C's mathematical library.
 MATHEMATICS: Sequence[str] = (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp2 expm1 floor fma "
@@ -33,19 +34,19 @@ _LOCK = RLock()
 
 
 class Code:
-    """Machine code in memory: for as long as somebody has this.
+    """Machine code in memory, freed with this object.
 
     Parameters
     ----------
     engine
         LLVM's execution engine.
     needed : iterable of Provider
-        What else it calls.
+        The other code that it calls.
 
     Attributes
     ----------
     lasting : bool
-        Whether all that may stay in memory for ever.
+        Whether it and the code that it calls may stay in memory permanently.
     """
 
     def __init__(self, engine: Any, needed: Iterable[Provider] = ()) -> None:
@@ -54,20 +55,19 @@ class Code:
         self.lasting: bool = all(provider.lasting for provider in self._needed)
 
     def address(self, name: str) -> int:
-        """Where a function stands."""
+        """The address of a function."""
         return int(self._engine.get_function_address(name))
 
 
 class Provider:
-    """Functions whose machine code is brought into memory when one of them is called for the first
-    time.
+    """Functions whose machine code is loaded when one of them is first called.
 
     Parameters
     ----------
     make : function
-        Brings it.
+        Loads the code.
     lasting : bool
-        Whether it may stay there for ever.
+        Whether it may stay in memory permanently.
     """
 
     def __init__(self, make: Callable[[], Code], lasting: bool) -> None:
@@ -76,18 +76,18 @@ class Provider:
 
     @cached_property
     def code(self) -> Code:
-        """It."""
+        """The code, loaded on first access."""
         return self._make()
 
 
-_kept: WeakValueDictionary[str, Code] = WeakValueDictionary()  # what is in memory, by its assembly
+_kept: WeakValueDictionary[str, Code] = WeakValueDictionary()  # code in memory, by its assembly
 _recent: deque[Code] = deque(maxlen=32)  # for systems that are declared again and again
-_for_ever: dict[str, Code] = {}  # what is called by addresses alone
+_permanent: dict[str, Code] = {}  # code that is called by address, so that nothing refers to it
 _provided: dict[str, Provider] = {}
 
 
 class Processor(NamedTuple):
-    """What machine code is for, and what makes it."""
+    """The processor that machine code is for, and the version of LLVM."""
 
     triple: str
     name: str
@@ -96,14 +96,14 @@ class Processor(NamedTuple):
 
 
 def platform_of(triple: str) -> str:
-    """A platform as LLVM names it. For macOS LLVM adds the version that runs, by which machine code
-    would be another on each; the oldest with wheels stands for all."""
+    """A platform as LLVM names it. On macOS the name contains the version of the system, and
+    machine code would differ with it; the oldest version with wheels stands for all."""
     return re.sub(r"-darwin[\d.]*$", "-darwin21", triple)
 
 
 @cache
 def processor() -> Processor:
-    """That of this machine."""
+    """The processor of this machine."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return Processor(
@@ -149,7 +149,7 @@ def optimise(module: Any, target: Any, *, loops: bool = True, inlined: int = 225
     Parameters
     ----------
     loops : bool
-        Whether loops may be written out, and their rounds put side by side.
+        Whether loops may be unrolled, vectorised and interleaved.
     inlined : int
         Largest cost of a call that is inlined, as LLVM counts it.
     """
@@ -199,8 +199,8 @@ def emitted(module: Any, here: Processor, effort: int) -> bytes:
 
 
 def loaded(codes: Iterable[bytes], needed: Iterable[Provider] = ()) -> Code:
-    """Machine code in memory, of parts that call each other; what else they call is where it can be
-    found (see :func:`find_functions`)."""
+    """Load the machine code of parts that call each other; all else that they call must be known to
+    LLVM (see :func:`find_functions`)."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine(processor()))
     for code in codes:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
@@ -209,7 +209,7 @@ def loaded(codes: Iterable[bytes], needed: Iterable[Provider] = ()) -> Code:
 
 
 def code_of(assembly: str, name: str) -> Code:
-    """Straight code in memory: from this process, from disk, or new.
+    """Code without loops in memory: from this process, from disk, or newly compiled.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def code_of(assembly: str, name: str) -> Code:
 
 
 def addresses(assembly: str, names: list[str]) -> list[int]:
-    """Addresses of functions of straight code, which remains in memory.
+    """Addresses of functions of code without loops, which remains in memory.
 
     Parameters
     ----------
@@ -244,15 +244,15 @@ def addresses(assembly: str, names: list[str]) -> list[int]:
     names : list of str
         Theirs.
     """
-    code = _for_ever[assembly] = code_of(assembly, names[0])
+    code = _permanent[assembly] = code_of(assembly, names[0])
     return [code.address(name) for name in names]
 
 
 def find_functions(names: Sequence[str]) -> None:
-    """Tell LLVM where functions of C's mathematical library and of Python are that it does not find
-    itself."""
+    """Tell LLVM the addresses of functions of C's mathematical library and of Python that it does
+    not find itself."""
     for name in names:
-        # what is provided may stand elsewhere than its namesake that is gone
+        # A function that is provided anew may have another address than the one LLVM knows.
         known = name not in _provided and llvm.address_of_symbol(name) is not None
         if not (name.startswith("llvm.") or known):
             with suppress(AttributeError):  # LLVM says what is missing, if it is called at all
@@ -260,12 +260,12 @@ def find_functions(names: Sequence[str]) -> None:
 
 
 def address_of(name: str) -> int:
-    """Where a function of C's mathematical library or of Python stands.
+    """The address of a function of C's mathematical library or of Python.
 
     Raises
     ------
     AttributeError
-        If there is none of that name.
+        If no function has this name.
     """
     if name in _provided:
         return _provided[name].code.address(name)
@@ -279,19 +279,19 @@ def address_of(name: str) -> int:
 
 
 def provide(names: Iterable[str], make: Callable[[], Code], lasting: bool = True) -> Provider:
-    """Let functions be found; see :class:`Provider`."""
+    """Register functions that compiled code may call; see :class:`Provider`."""
     provider = Provider(make, lasting)
     _provided.update(dict.fromkeys(names, provider))
     return provider
 
 
 def provider_of(name: str) -> Provider | None:
-    """What provides a function, if it is not of C's mathematical library or of Python."""
+    """The provider of a function; None if it is one of C's mathematical library or of Python."""
     return _provided.get(name)
 
 
 def withdraw(names: Iterable[str]) -> None:
-    """No longer provide functions; what calls them has them still."""
+    """No longer provide functions; code that calls them keeps them."""
     for name in names:
         _provided.pop(name, None)
 

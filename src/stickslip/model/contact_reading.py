@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
-from stickslip.model.entries.checks import check_slopes, size_of_terms
+from stickslip.model.entries.checks import (
+    are_dependent,
+    are_parallel,
+    check_components,
+    check_line,
+    check_slopes,
+    size_of_terms,
+)
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.entries.units import check_unit
+from stickslip.model.formats.expected import PLANAR, entry_key
 from stickslip.model.names import parse_range
-from stickslip.model.schema import PLANAR, entry_key
 from stickslip.model.system import Contact, Side, Unilateral
 from stickslip.numerics.levels import BODIES_OVERLAP, COMPUTED_ZERO, TINIEST
 from stickslip.symbolic import expressions as ex
@@ -112,46 +119,16 @@ class _Contacts:
     def _unilateral(self, name: str, contact: Unilateral) -> list[DryContact]:
         """The normal direction of a contact that can open, and its friction."""
         where = entry_key("contacts", name)
-        gaps = self.reader.scope(
-            self.reader.inertia, why="A gap may depend on t, inertial coordinates and parameters"
-        )
-        gap = gaps.parse(contact.gap, f"{where}.gap")
-        check_slopes(gap, self.reader.inertia, f"{where}.gap", 3)
-        self.reader.check_steps(f"{where}.gap", gap)
-        slopes = {q: ex.derivative(gap, q) for q in self.result.inertial}
-        direction = {q: slope for q, slope in slopes.items() if slope is not ex.ZERO}
-        if not direction:
-            raise DeclarationError(
-                f"{where}.gap",
-                "it does not depend on an inertial coordinate",
-                "Write the distance, such as 'y' or 'y - l*sin(phi)'",
-            )
-        parts = [
-            self.reader.static.parse(given, f"{where}.{key}")
+        gap, direction = self._gap(where, contact)
+        restitution, tangential = (
+            self._restitution(f"{where}.{key}", given)
             for key, given in (
                 ("restitution", contact.restitution),
                 ("tangential_restitution", contact.tangential_restitution),
             )
-        ]
-        for key, part in zip(("restitution", "tangential_restitution"), parts, strict=True):
-            interval = parse_range("[0, 1]", where)
-            interval.check(ex.evaluate(part, self.system.values), f"{where}.{key}")
-            self.result.limits.append((f"{where}.{key}", part, interval))
+        )
         check_unit(contact.unit, f"{where}.unit")
-        here = ex.evaluate(gap, self.reader.start)
-        # Where nothing else says how large it is, rounding errors of the state are no overlap. How
-        # far a constraint holds is seen where a motion starts.
-        most = max(abs(self.reader.start[q]) for q in self.result.inertial)
-        others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
-        held = any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others)
-        if not held and here < -BODIES_OVERLAP * max(
-            size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST
-        ):
-            raise DeclarationError(
-                f"{where}.gap",
-                f"the gap is {here:g} at the initial state: the bodies overlap",
-                "Choose initial values with a positive gap, or zero for contact",
-            )
+        self._check_overlap(where, contact, gap)
         adhesion = self.reader.motion.parse(contact.adhesion, f"{where}.adhesion")
         remedy = (
             "Adhesion is the largest tensile force and must not be negative; write max(..., 0) "
@@ -169,9 +146,58 @@ class _Contacts:
             -ex.derivative(gap, "t"),
             contact.unit,
             gap=gap,
-            restitution=parts[0],
+            restitution=restitution,
             side_of=contact.of if isinstance(contact, Side) else "",
         )
+        return [normal, *self._friction_of(name, contact, tangential)]
+
+    def _gap(self, where: str, contact: Unilateral) -> tuple[Expr, dict[str, Expr]]:
+        """The gap, and its derivatives with respect to the coordinates that it depends on."""
+        gaps = self.reader.scope(
+            self.reader.inertia, why="A gap may depend on t, inertial coordinates and parameters"
+        )
+        gap = gaps.parse(contact.gap, f"{where}.gap")
+        check_slopes(gap, self.reader.inertia, f"{where}.gap", 3)
+        self.reader.check_steps(f"{where}.gap", gap)
+        slopes = {q: ex.derivative(gap, q) for q in self.result.inertial}
+        direction = {q: slope for q, slope in slopes.items() if slope is not ex.ZERO}
+        if not direction:
+            raise DeclarationError(
+                f"{where}.gap",
+                "it does not depend on an inertial coordinate",
+                "Write the distance, such as 'y' or 'y - l*sin(phi)'",
+            )
+        return gap, direction
+
+    def _restitution(self, where: str, given: object) -> Expr:
+        """A coefficient of restitution."""
+        restitution = self.reader.static.parse(given, where)
+        interval = parse_range("[0, 1]", where)
+        interval.check(ex.evaluate(restitution, self.system.values), where)
+        self.result.limits.append((where, restitution, interval))
+        return restitution
+
+    def _check_overlap(self, where: str, contact: Unilateral, gap: Expr) -> None:
+        """Refuse bodies that overlap at the initial state; how far a constraint holds is checked
+        where a motion starts."""
+        here = ex.evaluate(gap, self.reader.start)
+        others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
+        if any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others):
+            return  # both sides of a constraint
+        # If all terms of the gap are small the largest coordinate sets the scale, so that rounding
+        # errors of the state are no overlap.
+        most = max(abs(self.reader.start[q]) for q in self.result.inertial)
+        size = max(size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST)
+        if here < -BODIES_OVERLAP * size:
+            raise DeclarationError(
+                f"{where}.gap",
+                f"the gap is {here:g} at the initial state: the bodies overlap",
+                "Choose initial values with a positive gap, or zero for contact",
+            )
+
+    def _friction_of(self, name: str, contact: Unilateral, restitution: Expr) -> list[DryContact]:
+        """The friction of a contact that can open: coefficients times its normal force."""
+        where = entry_key("contacts", name)
         mu = self.reader.motion.parse(contact.mu, f"{where}.mu")
         at_start = ex.evaluate(mu, self.reader.start)
         if not at_start >= 0.0:
@@ -187,7 +213,7 @@ class _Contacts:
                     "the direction of friction is missing",
                     "Give the relative velocity, like direction = 'd_x'",
                 )
-            return [normal]
+            return []
         coefficients = replace(
             contact.friction(name), threshold=contact.mu, kinetic=contact.kinetic
         )
@@ -198,20 +224,19 @@ class _Contacts:
                 f"its coordinates are {rubs[0].kind}",
                 "A contact with a gap needs inertial coordinates",
             )
-        normal_here = ex.sym(normal_force(name))
-        friction = [
+        normal = ex.sym(normal_force(name))
+        return [
             replace(
                 part,
-                plus=part.plus * normal_here,
-                minus=part.minus * normal_here,
-                kinetic_plus=part.kinetic_plus * normal_here,
-                kinetic_minus=part.kinetic_minus * normal_here,
+                plus=part.plus * normal,
+                minus=part.minus * normal,
+                kinetic_plus=part.kinetic_plus * normal,
+                kinetic_minus=part.kinetic_minus * normal,
                 on=normal_force(name),
-                restitution=parts[1],
+                restitution=restitution,
             )
             for part in rubs
         ]
-        return [normal, *friction]
 
     def _dry(self, name: str, contact: Contact) -> list[DryContact]:
         """A contact along a line, or the two components of one in a plane."""
@@ -223,52 +248,11 @@ class _Contacts:
                 'Add the largest friction force, like threshold = "mu*m*g"',
             )
         if isinstance(contact.direction, str):
-            if contact.dissipation is not None:
-                raise DeclarationError(
-                    f"{where}.dissipation",
-                    "a contact along a line does not take a dissipation",
-                    "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
-                )
-            if isinstance(contact.surface_speed, tuple):
-                raise DeclarationError(
-                    f"{where}.surface_speed",
-                    "two components were given, but a contact along a line has one",
-                    "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
-                )
-            if contact.axes != (1.0, 1.0):
-                raise DeclarationError(
-                    f"{where}.axes",
-                    "only a contact in a plane has axes",
-                    "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
-                )
+            check_line(where, contact)
             return [self._contact(name, contact)]
-        for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
-            if isinstance(given, tuple):
-                raise DeclarationError(
-                    f"{where}.{key}",
-                    "a contact in a plane has a single threshold for all directions",
-                    "Give one formula; for anisotropic friction add 'axes'",
-                )
-        given = contact.surface_speed
         count = len(contact.direction)
-        if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
-            raise DeclarationError(
-                f"{where}.surface_speed",
-                f"the surface velocity needs {_NUMBERS[count]} components",
-                f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
-                f"{', 0' * (count - 1)}]",
-            )
-        lengths = contact.axes
-        if contact.dissipation is None and len(lengths) != count:
-            raise DeclarationError(
-                f"{where}.axes",
-                f"expected {count} half axes, one for each direction, got {len(lengths)}",
-                "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
-                "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
-                if count == 3
-                else "Give one for each direction, like [1.0, 0.6]",
-            )
-        lengths = lengths if len(lengths) == count else (1.0,) * count
+        check_components(where, contact, count)
+        lengths = contact.axes if len(contact.axes) == count else (1.0,) * count
         axes = [self._axis(axis, f"{where}.axes") for axis in lengths]
         formula = None
         if contact.dissipation is not None or count == 3:
@@ -386,36 +370,23 @@ class _Contacts:
                 "Declare all coordinates of one contact with the same kind",
             )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
-        if not first.prescribed and any(_alike(a, b) for a, b in pairs):
+        if not first.prescribed and any(are_parallel(a.direction, b.direction) for a, b in pairs):
             raise DeclarationError(
                 f"{where}.direction",
                 f"{'both' if len(parts) == 2 else 'two'} of its components are parallel",
                 f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
                 f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
             )
-        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
+        if (
+            len(parts) > 2
+            and not first.prescribed
+            and are_dependent([part.direction for part in parts])
+        ):
             raise DeclarationError(
                 f"{where}.direction",
                 "one of its components is a linear combination of the others",
                 "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
             )
-
-    def _are_dependent(self, parts: list[DryContact]) -> bool:
-        """Whether directions depend on each other, whatever the parameters and the state are."""
-        import numpy as np
-
-        names = sorted({x for part in parts for x in part.direction})
-        entries = [[part.direction.get(x, ex.ZERO) for x in names] for part in parts]
-        symbols = sorted({x for row in entries for e in row for x in e.symbols})
-        # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
-        # not special.
-        rng = np.random.default_rng(0)
-        place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
-        J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])
-        sizes = np.linalg.norm(J, axis=1)
-        if not (np.isfinite(sizes).all() and sizes.all()):
-            return False
-        return bool(np.linalg.matrix_rank(J / sizes[:, None]) < len(parts))
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
         """A contact along a line, or a component of the one that was declared."""
@@ -619,12 +590,3 @@ class _Contacts:
         from stickslip.symbolic.extrema import least
 
         return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
-
-
-def _alike(a: DryContact, b: DryContact) -> bool:
-    """Whether two contacts are along one line."""
-    return a.direction.keys() == b.direction.keys() and all(
-        a.direction[x] * b.direction[y] is b.direction[x] * a.direction[y]
-        for x in a.direction
-        for y in a.direction
-    )

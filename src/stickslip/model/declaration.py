@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from stickslip.errors import DeclarationError, short, some
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import NORMAL
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.names import Range, check_covered
-from stickslip.model.schema import entry_key
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite
@@ -318,11 +318,7 @@ class Declaration:
         """Refuse one parameter value that is unknown, no number, or out of range."""
         where = entry_key("parameters", name)
         if name not in self.ranges:
-            raise DeclarationError(
-                where,
-                "unknown parameter",
-                f"Known: {', '.join(self.parameters) or 'none'}",
-            )
+            raise DeclarationError(where, "unknown parameter", suggestion(name, self.parameters))
         self.ranges[name].check(value, where)
 
     def check_parameters(self, values: Mapping[str, float]) -> None:
@@ -395,12 +391,19 @@ class Declaration:
                 smooth_dissipation(formula.value, formula.names, values, where, like)
 
 
-def check_initial(declaration: Declaration, name: str, value: object) -> None:
-    """Refuse an initial value of something that is no part of the state."""
+def check_initial(
+    declaration: Declaration, name: str, value: object, unknowns: Iterable[str] = ()
+) -> None:
+    """Refuse an initial value of something that is no part of the state.
+
+    Parameters
+    ----------
+    unknowns : iterable of str
+        Unknowns of structures that would have been accepted in its place.
+    """
     where = entry_key("initial", name)
     if name not in declaration.places:
-        raise DeclarationError(
-            where, "not a part of the state", f"The state has the parts {some(declaration.state)}"
-        )
+        known = suggestion(name, [*unknowns, *declaration.state])
+        raise DeclarationError(where, "not a part of the state", known)
     if not is_finite(value):
         raise DeclarationError(where, "not a finite number", "Give a finite number")

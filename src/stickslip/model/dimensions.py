@@ -15,7 +15,7 @@ from math import pi
 
 from stickslip.kept import cached_property
 from stickslip.model.entries.units import agree, factors, lowest_terms, unit_product, unit_text
-from stickslip.model.schema import entry_key
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.entries.units import check_unit, with_unit
-from stickslip.model.schema import entry_key
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.system import Drive, Output, Parameter
 from stickslip.numerics.levels import SPAN_ENDS
 from stickslip.symbolic.formulas import (

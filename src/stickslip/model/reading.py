@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
-from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.errors import DeclarationError, listing, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.contact_reading import read_contacts
 from stickslip.model.declaration import Declaration, ReadCondition, StateJump, check_initial
@@ -22,8 +23,9 @@ from stickslip.model.entries.checks import (
 from stickslip.model.entries.declared import CROSSINGS, Kind
 from stickslip.model.entries.keys import NORMAL, normal_force
 from stickslip.model.entries.units import check_unit
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.names import DeclaredNames, measured_drives
-from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.schema import check_shape
 from stickslip.numerics.levels import ON_SURFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -347,18 +349,11 @@ class DeclarationReader:
     def jumps(self) -> None:
         """Guards and new values; each guard fires one jump."""
         result = self.result
-        felt = frozenset([*result.state, "t"])
         taken: dict[tuple[Expr, int], str] = {}
         for name, jump in self.system.jumps.items():
             where = entry_key("jumps", name)
-            guard = self._of_state(jump.when, f"{where}.when")
-            check_slopes(guard, felt, f"{where}.when")
-            if not guard.symbols & felt:
-                raise DeclarationError(
-                    f"{where}.when",
-                    "it depends neither on the state nor on time, so it cannot cross zero",
-                    "Give a formula that is zero where the state jumps, such as 'x - 1'",
-                )
+            with listing(partial(self._guard, where=f"{where}.when")):
+                guard = self._guard(jump.when, f"{where}.when")
             if not jump.to:
                 raise DeclarationError(
                     f"{where}.to",
@@ -376,6 +371,19 @@ class DeclarationReader:
                 taken[guard, way] = name
             values = {x: self._landing(f"{where}.to", x, value) for x, value in jump.to.items()}
             result.jumps.append(StateJump(name, guard, direction, values))
+
+    def _guard(self, text: object, where: str) -> Expr:
+        """A formula that may cross zero."""
+        felt = frozenset([*self.result.state, "t"])
+        guard = self._of_state(text, where)
+        check_slopes(guard, felt, where)
+        if not guard.symbols & felt:
+            raise DeclarationError(
+                where,
+                "it depends neither on the state nor on time, so it cannot cross zero",
+                "Give a formula that is zero where the state jumps, such as 'x - 1'",
+            )
+        return guard
 
     def _landing(self, where: str, name: str, value: object) -> Expr:
         """The new value of a part of the state."""
@@ -483,7 +491,7 @@ class DeclarationReader:
     def defaults(self) -> None:
         system, result = self.system, self.result
         for name, value in system.initial.items():
-            check_initial(result, name, value)
+            check_initial(result, name, value, system.started_unknowns)
         for name, weight in system.translation.items():
             if name not in result.coordinates or not is_finite(weight):
                 raise DeclarationError(

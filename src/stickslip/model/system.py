@@ -220,6 +220,21 @@ class System:
 
         return shown_of(self.written_structures)
 
+    @property
+    def started_unknowns(self) -> list[str]:
+        """Unknowns of structures that results show, and their rates, of which initial values may be
+        given."""
+        if not self.structures:
+            return []
+        from stickslip.structures.coordinates import started_of
+
+        return started_of(self.written_structures)
+
+    @property
+    def starts(self) -> list[str]:
+        """Names of initial values: of unknowns of structures, and of parts of the state."""
+        return [*self.started_unknowns, *self.declaration.state]
+
     @cached_property
     def places(self) -> list[str]:
         """Where things are: coordinates as declared, and unknowns of structures."""
@@ -253,11 +268,13 @@ class System:
         Raises
         ------
         DeclarationError
-            If there is no such unknown, or its value determines none of the modes.
+            If there is no such unknown, its value determines none of the modes, or two values
+            conflict.
         """
         unknowns = [name for name in given if is_entry(name)]
         if not unknowns or not self.structures:
             return dict(given)
+        self.check_starts(given, "initial")
         from stickslip.structures.coordinates import start_of
 
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
@@ -472,6 +489,7 @@ class System:
         if structures := self.written_structures:
             from stickslip.structures.coordinates import start_of
 
+            self.check_starts(given, "values")
             given = start_of(structures, given, "values")
         return self.declaration.value(expression, {**self.values, **given})
 

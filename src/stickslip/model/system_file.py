@@ -16,7 +16,7 @@ from typing import Any
 
 from stickslip.arguments import validated
 from stickslip.errors import DeclarationError
-from stickslip.model import toml
+from stickslip.model.formats import toml
 from stickslip.model.system import (
     Bilateral,
     Condition,
@@ -33,6 +33,7 @@ from stickslip.model.system import (
     Unilateral,
     Viscous,
 )
+from stickslip.results import Part
 
 _COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
 
@@ -157,6 +158,10 @@ def loads(text: str, where: str = "model") -> System:
         If anything in it is wrong.
     """
     return _SYSTEMS.loads(text, where)
+
+
+SYSTEM = Part(System.to_toml, lambda text, where: loads(text, f"{where}: system"))
+"""The system of a result, in its file."""
 
 
 def save(system: System, path: str | PathLike[str]) -> None:

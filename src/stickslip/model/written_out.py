@@ -8,27 +8,24 @@ the sum of their forces.
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
-from stickslip.model.entries.keys import key_of, normal_force
+from stickslip.model.entries.keys import key_of
 from stickslip.model.entries.sampling import Sampling, at_once
 from stickslip.model.entries.units import check_unit
-from stickslip.model.names import DeclaredNames, parse_range
-from stickslip.model.schema import check_shape, entry_key, wrong_kind
+from stickslip.model.expansion import Expansion, renamed
+from stickslip.model.formats.expected import entry_key
+from stickslip.model.names import parse_range
+from stickslip.model.schema import check_shape
 from stickslip.model.system import (
-    AnyContact,
     AnyStructure,
     Bilateral,
     Contact,
-    Coordinate,
-    Drive,
     Formula,
     Inertial,
     Internal,
@@ -39,30 +36,23 @@ from stickslip.model.system import (
     Side,
     System,
     Unilateral,
-    Viscous,
 )
 from stickslip.numerics.levels import CONSTRAINT_KEPT
 from stickslip.structures.names import entry_of, is_entry
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import (
-    NAME,
-    Indexed,
     Scope,
     check_name,
-    formula_text,
     is_finite,
     parse_signature,
 )
 
 if TYPE_CHECKING:
-    from stickslip.model.entries.tables import Table
     from stickslip.model.laws import FrictionLaw
     from stickslip.structures.coordinates import InModes
 
-_WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
 _OF_CURVES = ("kind", "outside")  # what laws of points have besides parameters
-_Part = TypeVar("_Part")
 
 
 def write_out(system: System) -> System:
@@ -107,69 +97,8 @@ def write_out(system: System) -> System:
     return plain
 
 
-class _WrittenOut:
-    """The parts of a system while it is written out.
-
-    Attributes
-    ----------
-    ranges : list of (str, str, str)
-        Of each parameter of a law: where it stands, what it is called now, its range.
-    origins : dict of str to str
-        Where in the system as it was declared a part of the new one comes from.
-    """
-
-    def __init__(self, system: System) -> None:
-        self.system = system
-        self.functions: dict[str, Formula] = dict(system.functions)
-        self.tables: dict[str, Table] = dict(system.tables)
-        self.coordinates: dict[str, Coordinate] = dict(system.coordinates)
-        self.internal: dict[str, Internal] = {
-            name: part if isinstance(part, Internal) else Internal(0.0, part.unit, part.meaning)
-            for name, part in system.internal.items()
-        }
-        self.jumps = dict(system.jumps)
-        self.quotients: list[tuple[str, str, str]] = []
-        self.contacts: dict[str, AnyContact] = {}
-        self.energies: dict[str, list[Formula]] = {
-            name: [getattr(system, name)] for name in ("kinetic", "potential", "viscous")
-        }
-        self.structures: dict[str, AnyStructure] = dict(system.structures)
-        for name, structure in self.structures.items():
-            # Before laws, whose sliders take over the unit.
-            check_unit(structure.unit, f"{entry_key('structures', name)}.unit")
-        self.forces = {self.unknown("forces", x): force for x, force in system.forces.items()}
-        self.initial = {
-            self.unknown("initial", x) if is_entry(x) else x: value
-            for x, value in system.initial.items()
-        }
-        self.translation = dict(system.translation)
-        self.ranges: list[tuple[str, str, str]] = []
-        self.origins: dict[str, str] = {}
-
-    def result(self) -> System:
-        energies = {
-            name: [part for part in parts if part != 0.0] or [0.0]
-            for name, parts in self.energies.items()
-        }
-        # In brackets, what was declared means what it would mean alone, or nothing.
-        joined = {
-            name: " + ".join(f"({part})" for part in parts) if len(parts) > 1 else parts[0]
-            for name, parts in energies.items()
-        }
-        return replace(
-            self.system,
-            functions=self.functions,
-            tables=self.tables,
-            coordinates=self.coordinates,
-            internal=self.internal,
-            jumps=self.jumps,
-            contacts=self.contacts,
-            structures=self.structures,
-            forces={},
-            initial=self.initial,
-            translation=self.translation,
-            **joined,
-        )
+class _WrittenOut(Expansion):
+    """Writes laws, constraints, structures and sampled variables out."""
 
     def samplers(self, sampled: Mapping[str, Sampled]) -> None:
         """Write out what is sampled: variables at rest, and jumps at even times in which all that
@@ -246,19 +175,29 @@ class _WrittenOut:
             self.origins[f"{place}.to.{name}"] = f"{entry_key('internal', own)}.law"
         self.origins[place] = f"{entry_key('internal', sampling.names[0])}.period"
 
-    def as_declared(self, error: DeclarationError) -> DeclarationError:
-        """An error of the plain system, said of what was declared."""
-        for part, origin in self.origins.items():
-            if error.where == part or error.where.startswith(f"{part}."):
-                return DeclarationError(origin, error.reason, error.remedy)
-        return error
-
     def law(self, name: str, contact: LawContact) -> None:
         """Write one contact out."""
         from stickslip.model.laws import by_name
 
         where = entry_key("contacts", name)
         law = by_name(contact.law, f"{where}.law")
+        self.check_values(where, contact, law)
+        known = law.known()
+        key = key_of(name)
+        words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
+        signatures = {text: parse_signature(text, text)[0] for text in law.functions}
+        words |= {own: f"{own}_{key}" for own in signatures.values()}
+        words |= {"u": f"u_{key}"}
+        slopes = self.slopes(contact, where)
+        if law.stiffness:
+            self.sliders(name, contact, law, words, slopes)
+        elif law.points:
+            self.measured(name, contact, law, words)
+        else:
+            self.single(name, contact, law, words, slopes)
+
+    def check_values(self, where: str, contact: LawContact, law: FrictionLaw) -> None:
+        """Refuse parameters that the law does not have, needs, or cannot have."""
         known = law.known()
         for given in contact.values:
             if given not in known and not (law.points and given in _OF_CURVES):
@@ -283,35 +222,46 @@ class _WrittenOut:
                     "Use a law with a threshold, such as 'stribeck', or give the normal force "
                     "as a formula of time and state",
                 )
-        key = key_of(name)
-        words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
-        signatures = {text: parse_signature(text, text)[0] for text in law.functions}
-        words |= {own: f"{own}_{key}" for own in signatures.values()}
-        words |= {"u": f"u_{key}"}
-        slopes = self.slopes(contact, where)
-        if law.stiffness:
-            self.sliders(name, contact, law, words, slopes)
-            return
-        if law.points:
-            self.measured(name, contact, law, words)
-            return
-        for own, parameter in known.items():
+
+    def single(
+        self,
+        name: str,
+        contact: LawContact,
+        law: FrictionLaw,
+        words: dict[str, str],
+        slopes: Mapping[str, str],
+    ) -> None:
+        """A law of one element: a threshold, or a force that depends on internal variables."""
+        where = entry_key("contacts", name)
+        for own, parameter in law.known().items():
             value = contact.values.get(own, parameter.default)
             if self.is_pressed(value):
                 words[own] = f"({value})"  # no function may use a normal force
                 continue
             words[own] = self.define(f"{where}.{own}", words[own], value, parameter.range)
         for text, body in law.functions.items():
-            self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
+            self.take(self.functions, renamed(text, words), renamed(body, words), where)
         if law.threshold:
             self.contacts[name] = Contact(
                 contact.direction,
-                _renamed(law.threshold, words),
+                renamed(law.threshold, words),
                 contact.surface_speed,
-                _renamed(law.kinetic, words) if law.kinetic else None,
+                renamed(law.kinetic, words) if law.kinetic else None,
                 contact.unit,
             )
-            return
+        else:
+            self.act(self.internal_force(name, contact, law, words, slopes), law, slopes, where)
+
+    def internal_force(
+        self,
+        name: str,
+        contact: LawContact,
+        law: FrictionLaw,
+        words: dict[str, str],
+        slopes: Mapping[str, str],
+    ) -> str:
+        """The name of the function that is the force of a law with internal variables."""
+        where = entry_key("contacts", name)
         velocity = f"{contact.direction} - ({contact.surface_speed})"
         velocity = contact.direction if contact.surface_speed == 0.0 else velocity
         self.take(self.functions, words["u"], velocity, where)
@@ -319,13 +269,17 @@ class _WrittenOut:
         unit = self.unit_of_way(slopes)
         for own, internal in law.internal.items():
             meaning = f"{internal.meaning} of {name}"
-            part = Internal(_renamed(str(internal.law), words), internal.unit or unit, meaning)
+            part = Internal(renamed(str(internal.law), words), internal.unit or unit, meaning)
             self.take(self.internal, words[own], part, where)
             self.origins[f"internal.{words[own]}"] = where
             if own in law.start:
                 self.initial.setdefault(words[own], self.number(law.start[own], words, where))
-        force = f"force_{key}"
-        self.take(self.functions, force, _renamed(law.force, words), where)
+        force = f"force_{key_of(name)}"
+        self.take(self.functions, force, renamed(law.force, words), where)
+        return force
+
+    def act(self, force: str, law: FrictionLaw, slopes: Mapping[str, str], where: str) -> None:
+        """Let a force act along a direction; on a coordinate without mass it is a drag."""
         massless = [
             x for x in slopes if not is_entry(x) and self.coordinates[x].kind == Kind.VISCOUS
         ]
@@ -431,32 +385,6 @@ class _WrittenOut:
                 terms.setdefault(mode, [mode]).append(f"({weight!r})*({own} - {x})")
         return found | {mode: " + ".join(parts) for mode, parts in terms.items()}
 
-    def unknown(self, section: str, text: str) -> str:
-        """The name of an unknown, or of its rate, as symbols have it.
-
-        Raises
-        ------
-        DeclarationError
-            If there is none.
-        """
-        try:
-            prefix, name, index = entry_of(text, self.structures)
-        except KeyError as error:
-            where = entry_key(section, text)
-            if text in self.coordinates:
-                remedy = f"Write it under coordinates.{text}.force"
-                raise DeclarationError(
-                    where, "not a degree of freedom of a structure", remedy
-                ) from None
-            raise DeclarationError(where, "no such degree of freedom", error.args[0]) from None
-        if prefix and section == "forces":
-            raise DeclarationError(
-                entry_key(section, text),
-                "a force acts on a coordinate, not on its rate",
-                f"Write {text[2:]}",
-            )
-        return f"{prefix}{name}[{self.structures[name].key(index)}]"
-
     def constraint(self, name: str, contact: Bilateral) -> None:
         """Write a constraint out: two contacts that face each other, and friction under the sum of
         their forces, of which one vanishes."""
@@ -493,158 +421,6 @@ class _WrittenOut:
                 "Choose initial values that satisfy it",
             )
 
-    def add_contact(self, label: str, contact: AnyContact, where: str) -> None:
-        """Add a contact that a declared one is written out as.
-
-        Raises
-        ------
-        DeclarationError
-            If its name is taken.
-        """
-        own = entry_key("contacts", label) == where
-        if label in self.contacts or (label in self.system.contacts and not own):
-            raise DeclarationError(
-                where, f"it needs the name '{label}', which is already used", "Rename one of them"
-            )
-        self.contacts[label] = contact
-        self.origins[entry_key("contacts", label)] = where
-
-    def number(self, formula: str, words: Mapping[str, str], where: str) -> float:
-        """The value of a formula of a law's parameters, as they are declared."""
-        names = DeclaredNames()
-        names.functions("functions", self.functions)
-        known = {name: ex.sym(name) for name in self.system.parameters}
-        meant = Scope(known, names.with_derivatives()).parse(_renamed(formula, words), where)
-        return ex.evaluate(meant, self.system.values)
-
-    @cached_property
-    def scope(self) -> Scope:
-        """What names mean in the direction and the parameters of a law."""
-        system = self.system
-        names = DeclaredNames()
-        names.functions("functions", system.functions)
-        names.tables(system.tables)
-        names.functions("drives", system.drives, clock="t")
-        names.outputs(system.outputs)
-        known = ["t", *system.parameters, *system.coordinates, *system.internal]
-        known += [f"d_{x}" for x in system.coordinates]
-        symbols = {name: ex.sym(name) for name in known}
-        return Scope(symbols, names.with_derivatives(), vectors=self.unknowns())
-
-    def unknowns(self) -> dict[str, Indexed]:
-        """Those of structures and their rates, by what they are called."""
-        if not self.system.structures:
-            return {}
-        from stickslip.structures.coordinates import BySymbols
-
-        return {
-            f"{prefix}{name}": BySymbols(f"{prefix}{name}", structure)
-            for name, structure in self.system.structures.items()
-            for prefix in ("", "d_")
-        }
-
-    def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
-        """Coefficients of the rates in a direction, by coordinate or unknown of a structure."""
-        text = self.scope.parse(contact.direction, f"{where}.direction")
-        unknowns = sorted(n[2:] for n in text.symbols if is_entry(n) and n.startswith("d_"))
-        moving = [*self.system.coordinates, *unknowns]
-        rates = {f"d_{x}": ex.sym(f"d_{x}") for x in moving}
-        found: dict[str, str] = {}
-        for x in moving:
-            slope = ex.derivative(text, f"d_{x}")
-            if slope.symbols & rates.keys() or ex.bends(text, rates):
-                raise DeclarationError(
-                    f"{where}.direction",
-                    "not a linear combination of rates",
-                    "Write it like 'd_x' or 'd_x2 - d_x1'",
-                )
-            if slope is not ex.ZERO:
-                found[x] = formula_text(slope, f"{where}.direction")
-        rest = ex.substitute(text, dict.fromkeys(rates, ex.ZERO))
-        if not found and rest is ex.ZERO and contact.surface_speed == 0.0:
-            raise DeclarationError(
-                f"{where}.direction",
-                "the direction is zero, and so is the surface speed",
-                "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
-            )
-        if rest is not ex.ZERO:
-            raise DeclarationError(
-                f"{where}.direction",
-                f"it contains '{formula_text(rest, where)}', which is not a rate",
-                "Move it to 'surface_speed'",
-            )
-        return found
-
-    def unit_of_way(self, slopes: Mapping[str, str]) -> str:
-        """The unit of displacements along a direction, if all coordinates say the same."""
-        units = {
-            self.structures[entry_of(x, self.structures)[1]].unit
-            if is_entry(x)
-            else self.system.coordinates[x].unit
-            for x in slopes
-        }
-        return units.pop() if len(units) == 1 else ""
-
-    def is_pressed(self, value: object) -> bool:
-        """Whether a parameter of a law is a formula of normal forces."""
-        normals = {
-            normal_force(name)
-            for name, contact in self.system.contacts.items()
-            if isinstance(contact, Unilateral | Bilateral)
-        }
-        return isinstance(value, str) and bool(normals & {*_WORD.findall(value)})
-
-    def define(self, where: str, name: str, value: object, interval: str) -> str:
-        """What a parameter of a law is called: by its value if that is a name or nothing, else a
-        function without arguments."""
-        if isinstance(value, tuple):
-            raise wrong_kind(value, "Formula", where)
-        meant = self.scope.parse(value, where)
-        if meant.symbols <= self.system.parameters.keys():
-            parse_range(interval, where).check(ex.evaluate(meant, self.system.values), where)
-        if meant is ex.ZERO:
-            return "0"  # what it multiplies is not there, and not shown
-        if isinstance(value, str) and NAME.match(value.strip()):
-            name = value.strip()
-        else:
-            self.take(self.functions, name, cast(Formula, value), where)
-        self.ranges.append((where, name, interval))
-        return name
-
-    def take(self, section: dict[str, _Part], name: str, part: _Part, where: str) -> None:
-        """Add a part that the law needs, unless the system has something of that name."""
-        bare = parse_signature(name, where)[0]
-        system = self.system
-        drives: Mapping[str, Drive] = system.drives
-        declared = {parse_signature(f, f)[0] for f in (*self.functions, *drives)}
-        parts = {*self.coordinates, *self.internal, *self.tables, *system.outputs}
-        if bare in {*system.parameters, *parts, *declared}:
-            raise DeclarationError(
-                where,
-                f"its law needs the name '{bare}', which is already used",
-                "Rename one of them",
-            )
-        section[name] = part
-
-    def push(self, x: str, slope: str, force: str) -> None:
-        """Let a force act against the velocity, on one coordinate or unknown of a structure."""
-        term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
-        before = self.forces.get(x, 0.0) if is_entry(x) else self.coordinates[x].force
-        total = term if before == 0.0 else f"({before}) {term if term[0] == '-' else '+ ' + term}"
-        if is_entry(x):
-            self.forces[x] = total
-        else:
-            self.coordinates[x] = replace(self.coordinates[x], force=total)
-
-    def resist(self, x: str, slope: str, force: str, where: str) -> None:
-        """Let a force that increases with the velocity resist a coordinate without mass."""
-        coordinate = self.coordinates[x]
-        assert isinstance(coordinate, Viscous)
-        term = force if slope == "1" else f"({slope})*{force}"
-        total = term if coordinate.drag == 0.0 else f"({coordinate.drag}) + {term}"
-        self.coordinates[x] = replace(coordinate, drag=total)
-        self.origins[f"coordinates.{x}.drag"] = where
-
     def sliders(
         self,
         name: str,
@@ -675,7 +451,7 @@ class _WrittenOut:
             elif own != "elements":
                 words[own] = self.define(f"{where}.{own}", words[own], values[own], parameter.range)
         for text, body in law.functions.items():
-            self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
+            self.take(self.functions, renamed(text, words), renamed(body, words), where)
         unit = self.unit_of_way(slopes)
         terms = [f"{x}" if c == "1" else f"({c})*{x}" for x, c in slopes.items()]
         way = " + ".join(terms) or "0"
@@ -688,13 +464,13 @@ class _WrittenOut:
             self.take(self.coordinates, slider, part, where)
             part = Contact(
                 f"d_{slider}",
-                _renamed(law.threshold, each),
+                renamed(law.threshold, each),
                 contact.surface_speed,
                 unit=contact.unit,
             )
             self.add_contact(label, part, where)
             self.energies["potential"].append(
-                f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2"
+                f"({renamed(law.stiffness, each)})/2*({way} - {slider})**2"
             )
             self.start(slider, slopes)
 
@@ -726,8 +502,8 @@ class _WrittenOut:
                 words["curve"] = f"curve{end}_{key_of(name)}"
                 self.take(self.tables, words["curve"], curves[way], where)
                 self.origins[f"tables.{words['curve']}"] = f"{where}.F"
-            threshold.append(_renamed(law.threshold, words))
-            kinetic.append(_renamed(law.kinetic, words))
+            threshold.append(renamed(law.threshold, words))
+            kinetic.append(renamed(law.kinetic, words))
         both = len(held) > 1 or len(curves) > 1
         self.contacts[name] = Contact(
             contact.direction,
@@ -783,11 +559,6 @@ class _WrittenOut:
             given = {x: float(section[x]) for x in weights if x in section}
             if given:
                 section.setdefault(slider, sum(weights[x] * a for x, a in given.items()))
-
-
-def _renamed(text: str, words: Mapping[str, str]) -> str:
-    """A formula of a law with the names that its own have in the system."""
-    return _WORD.sub(lambda match: words.get(match[0], match[0]), text)
 
 
 def _is_nothing(formula: Formula) -> bool:

@@ -1,5 +1,4 @@
-"""Motions side by side: the state of one or many trajectories of a system between calls of the
-compiled loop."""
+"""The state of one or many trajectories of a system between calls of the compiled loop."""
 
 from __future__ import annotations
 
@@ -35,12 +34,12 @@ class Lanes:
     problem : Problem
         Machine code, tolerances and order of all lanes; its own parameters do not matter.
     constants : Constants
-        By group.
+        Constants of each group.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        Outcome code, or FULL while a lane goes on.
+        Outcome code, or FULL while a lane continues.
     now : Lane
-        Where each lane is, arrays of shape (lanes, ·).
+        Present state of each lane, arrays of shape (lanes, ·).
     """
 
     problem: Problem
@@ -65,13 +64,13 @@ class Lanes:
         Parameters
         ----------
         constants : Constants
-            By group.
+            Constants of each group.
         group : array of int, shape (lanes,)
         states : array, shape (lanes, n)
         span : (float, float)
             Start and end, counted from the origin of the problem.
         forms : ClosedForms
-            Room for those that all lanes share.
+            Storage for the closed forms that lanes share.
         """
         (t, end), lanes = span, len(states)
         contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
@@ -105,12 +104,13 @@ class Lanes:
         lanes = self.group, self.codes, self.now
         while True:
             count = event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
-            # What was cut short without a reason goes on; a record is the caller's to go on with.
+            # A loop that was stopped without a reason continues, but with a record the caller does
+            # that.
             if not heed() or record is not None:
                 return count
 
 
 def no_record() -> Record:
-    """Nowhere to record steps."""
+    """A record without room: no step is recorded."""
     nothing = np.zeros((0, 0), np.int8)
     return Record(np.zeros(0), np.zeros((0, 0)), nothing, nothing, np.zeros(0, np.int64))

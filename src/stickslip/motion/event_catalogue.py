@@ -12,12 +12,11 @@ coordinate is faster than a given rate.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -27,9 +26,10 @@ from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
 from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.motion.simulate import run_loop
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
-from stickslip.results import Completion, Result, restored_certificate
+from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
 from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
@@ -72,6 +72,12 @@ class EventCatalogue(Result):
     """
 
     KIND: ClassVar[str] = "event catalogue"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "span": ITEMS,
+        "certificate": CERTIFICATE,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -150,11 +156,6 @@ class EventCatalogue(Result):
         return mean, float(np.std(times, ddof=1)) / mean
 
     @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
-
-    @property
     def outcome(self) -> Completion:
         """Whether there is any event."""
         return Completion.FINISHED if len(self) else Completion.NOTHING_FOUND
@@ -213,28 +214,10 @@ class EventCatalogue(Result):
 
         return plot_catalogue(self, ax)
 
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and of what it is."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "span": list(self.span),
-            "certificate": asdict(self.certificate),
-        }
-
     @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored catalogue."""
-        from stickslip.model.system_file import loads
-
-        first, last = json.loads(parts["span"])
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            data.assign(first=data["first"].astype(object)),
-            (first, last),
-            restored_certificate(json.loads(parts["certificate"])),
-        )
+    def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
+        """Names of contacts were fixed-length texts in the file."""
+        return {"dataset": data.assign(first=data["first"].astype(object))}
 
     @classmethod
     def joined(cls, pieces: Sequence[EventCatalogue]) -> EventCatalogue:

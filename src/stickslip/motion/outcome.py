@@ -115,7 +115,8 @@ class Outcome(Ended):
         "No contact mode can continue the motion, for an unknown reason. It is not Painlevé's "
         "paradox: friction affects the normal forces too little for that. At the start of a "
         "motion or after a jump of the state, check for overlapping bodies; elsewhere, check "
-        "for very stiff forces",
+        "for very stiff forces, and for a force in a plane that leaves its limit curve more slowly "
+        "than the fourth power of time",
     )
     NO_COLLISION = (
         18,

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,13 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import MOTION_SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
 from stickslip.motion.starts import put_on_contacts
 from stickslip.motion.steps.arrays import CROSSED, FULL, NOW, SWITCHES, TAKEN, Lane
-from stickslip.results import Completion, Result
+from stickslip.results import PLAIN, Completion, Result
 from stickslip.stopping.scopes import Stopped, TimeUp, check_limit, heed, scope, watching
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class Ensemble(Result):
     """
 
     KIND: ClassVar[str] = "ensemble"
+    PARTS: ClassVar = {"system": SYSTEM, "parameters": PLAIN}
 
     system: System
     parameters: dict[str, float]
@@ -67,11 +69,6 @@ class Ensemble(Result):
     def along(self) -> str:
         """Dimension of the dataset."""
         return "trajectory"
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def counts(self) -> dict[Outcome, int]:
@@ -123,18 +120,6 @@ class Ensemble(Result):
         """The final coordinates of all motions."""
         names = [f"final_{name}" for name in self.system.declaration.coordinates]
         return self.plot(*names, ax=ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and of what it is."""
-        return self.dataset, {"system": self.system.to_toml(), "parameters": self.parameters}
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored ensemble."""
-        from stickslip.model.system_file import loads
-
-        system = loads(parts["system"], f"{where}: system")
-        return cls(system, json.loads(parts["parameters"]), data)
 
 
 @validated
@@ -408,7 +393,7 @@ def initial_states(system: System, given: Mapping[str, Array], count: int) -> Ar
         [float(system.plain.initial.get(name, 0.0)) for name in declaration.state], (count, 1)
     )
     for name, values in system.started(given).items():
-        check_initial(declaration, name, float(values[0]))
+        check_initial(declaration, name, float(values[0]), system.started_unknowns)
         states[:, declaration.state.index(name)] = values
     return states
 

@@ -11,7 +11,7 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import NORMAL
-from stickslip.model.schema import entry_key
+from stickslip.model.formats.expected import entry_key
 from stickslip.motion.problem import Problem
 from stickslip.numerics.levels import BODIES_OVERLAP, CONSTRAINT_KEPT
 from stickslip.symbolic import expressions as ex

@@ -626,11 +626,6 @@ class Trajectory(Result):
 
     # -- what it says of itself --------------------------------------------------------------------
 
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
-
     def facts(self) -> dict[str, Any]:
         """Summary as plain data."""
         return {

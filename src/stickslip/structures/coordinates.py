@@ -35,6 +35,11 @@ class BySymbols(Indexed):
     def symbols(self) -> frozenset[str]:
         return frozenset()
 
+    @property
+    def shown(self) -> tuple[UnknownKey, ...]:
+        part = self.structure
+        return part.shown if isinstance(part, Structure) else part.structure.shown
+
     def entry(self, key: int | str) -> Expr:
         return ex.sym(f"{self.name}[{self.structure.key(self.structure.index(key))}]")
 
@@ -55,6 +60,10 @@ class InForms(Indexed):
     @property
     def symbols(self) -> frozenset[str]:
         return frozenset(f"{self.prefix}{mode}" for mode in self.part.coordinates)
+
+    @property
+    def shown(self) -> tuple[UnknownKey, ...]:
+        return self.part.structure.shown
 
     def entry(self, key: int | str) -> Expr:
         index = self.part.structure.index(key)
@@ -259,6 +268,18 @@ def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
     part = structures[name]
     modes = part.coordinates
     return {f"{prefix}{modes[i]}": weight for i, weight in part.weights(index).items()}
+
+
+def started_of(structures: Mapping[str, InModes]) -> list[str]:
+    """Names of unknowns that results show, and of their rates, of which initial values may be
+    given: those that are coordinates."""
+    return [
+        f"{prefix}{name}[{unknown}]"
+        for name, part in structures.items()
+        for prefix in ("", "d_")
+        for unknown in part.structure.shown
+        if part.structure.index(unknown) in part.structure.own
+    ]
 
 
 def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:

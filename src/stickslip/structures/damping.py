@@ -82,9 +82,9 @@ class ModalDamping:
     Attributes
     ----------
     ratios : float, str, or sequence of these
-        ζ of the modes, in order of frequency; the last one applies to all further modes, so a
-        single number applies to all. A string is a formula of parameters of the system, as in
-        ``ModalDamping("zeta")``.
+        ζ of the modes, in order of frequency, at most one for each; the last one applies to all
+        further modes, so a single number applies to all. A string is a formula of parameters of the
+        system, as in ``ModalDamping("zeta")``.
 
     Raises
     ------
@@ -142,6 +142,26 @@ class ModalDamping:
         """
         ratios = np.array(_numbers(self._listed))
         return 2.0 * ratios[self._each(len(squares))] * np.sqrt(squares)
+
+    def check_count(self, modes: int) -> None:
+        """Refuse more ratios than modes.
+
+        Raises
+        ------
+        DeclarationError
+            If there are more.
+        """
+        if len(self._listed) > modes:
+            raise DeclarationError(
+                "damping.ratios",
+                f"there are {len(self._listed)} ratios, but the structure has {modes} "
+                f"mode{'' if modes == 1 else 's'}",
+                "Give at most one ratio for each mode; the last one applies to all further modes",
+            )
+
+    def of_lowest(self, modes: int) -> ModalDamping:
+        """The damping of the lowest modes alone."""
+        return self if len(self._listed) <= modes else ModalDamping(self._listed[:modes])
 
     @property
     def _listed(self) -> tuple[Coefficient, ...]:

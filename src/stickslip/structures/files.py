@@ -23,9 +23,10 @@ _MOST_BYTES = 2_000_000_000  # of arrays in one text
 
 
 def packed_structure(structure: Structure) -> dict[str, Any]:
-    """What a model file says of a structure: names and rules as they are, arrays as one text.
+    """A structure as data for a model file: names and rules as they are, arrays in one packed text.
 
-    Its modes are among them: others, which rounding makes elsewhere, would be other coordinates.
+    The modes are stored, too: computed on another machine they differ by rounding, and with them
+    the coordinates.
     """
     arrays: dict[str, Any] = {}
     for name in ("mass", "stiffness", "damping", "basis"):
@@ -59,7 +60,7 @@ def packed_structure(structure: Structure) -> dict[str, Any]:
 
 
 def from_plain(table: Mapping[str, Any], where: str, folder: Path = Path()) -> Structure:
-    """A structure of what a model file says.
+    """A structure from its entry in a model file.
 
     Parameters
     ----------
@@ -110,6 +111,7 @@ def from_plain(table: Mapping[str, Any], where: str, folder: Path = Path()) -> S
 
 
 def _rule(given: object, where: str) -> ProportionalDamping | ModalDamping:
+    """A damping rule."""
     match given:
         case {"ratios": ratios, **others} if not others:
             return ModalDamping(ratios)
@@ -123,7 +125,7 @@ def _rule(given: object, where: str) -> ProportionalDamping | ModalDamping:
 
 
 def _read(given: object, where: str, folder: Path) -> Symmetric:
-    """A matrix of a file: ``K.mtx``, or ``beam.npz:K`` where there are several."""
+    """A matrix from a file: ``K.mtx``, or ``beam.npz:K`` if the file contains several."""
     if not isinstance(given, str):
         raise DeclarationError(where, "expected the name of a file", 'Write it like "K.mtx"')
     file, _, variable = given.partition(":") if ":" in given[2:] else (given, "", "")
@@ -139,7 +141,7 @@ def _read(given: object, where: str, folder: Path) -> Symmetric:
         raise
     except FileNotFoundError:
         raise DeclarationError(where, f"no such file: '{short(file)}'", "Check the path") from None
-    except Exception as error:  # readers raise whatever they like
+    except Exception as error:  # readers raise errors of any kind
         raise DeclarationError(
             where, f"'{short(file)}' cannot be read ({short(str(error))})", "Check the file"
         ) from None
@@ -166,6 +168,7 @@ def _matrix_in(path: Path, kind: str, variable: str, where: str) -> Symmetric:
 
 
 def _chosen(variable: str, known: list[str], where: str) -> str:
+    """The name of an array in a file; it may be omitted if there is only one."""
     if not variable and len(known) == 1:
         return known[0]
     if variable not in known:
@@ -180,7 +183,7 @@ def _chosen(variable: str, known: list[str], where: str) -> str:
 
 
 def _unpacked(table: Mapping[str, Any], where: str) -> Structure:
-    """A structure of a packed text."""
+    """A structure from a packed text."""
     try:
         content = io.BytesIO(b64decode(str(table["packed"]), validate=True))
         with zipfile.ZipFile(content) as parts:
@@ -219,6 +222,7 @@ def _unpacked(table: Mapping[str, Any], where: str) -> Structure:
 
 
 def _assembled(arrays: Mapping[str, Any], name: str) -> Any:
+    """A matrix from packed arrays, dense or sparse; None if it is not among them."""
     if name in arrays or f"{name}_data" not in arrays:
         return arrays.get(name)
     from scipy.sparse import csc_array

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import keyword
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -14,8 +13,14 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property, kept, made_once
-from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDING
+from stickslip.numerics.levels import ROUNDING
 from stickslip.structures import matrices
+from stickslip.structures.checks import (
+    check_names,
+    check_not_negative,
+    check_positive,
+    checked_basis,
+)
 from stickslip.structures.damping import (
     Coefficient,
     ModalDamping,
@@ -23,7 +28,6 @@ from stickslip.structures.damping import (
     damping_of_shapes,
 )
 from stickslip.structures.matrices import Symmetric, is_sparse
-from stickslip.symbolic.formulas import NAME
 
 if TYPE_CHECKING:
     from stickslip.results import Summary
@@ -90,7 +94,8 @@ class Structure:
     ------
     DeclarationError
         If a matrix is not symmetric, not positive (semi)definite or not finite, shapes do not
-        match, or a name is invalid, duplicate or refers to no degree of freedom.
+        match, there are more damping ratios than modes, or a name is invalid, duplicate or refers
+        to no degree of freedom.
 
     Examples
     --------
@@ -139,13 +144,15 @@ class Structure:
         put(self, "mass", sizes["mass"])
         put(self, "stiffness", sizes["stiffness"])
         put(self, "damping", sizes.get("damping", damping))
-        put(self, "basis", None if self.basis is None else _basis(self.basis, mass.shape[0]))
-        _check_names(self.names, names, self.unknowns)
+        put(self, "basis", None if self.basis is None else checked_basis(self.basis, mass.shape[0]))
+        if isinstance(damping, ModalDamping):
+            damping.check_count(self.coordinates)
+        check_names(self.names, names, self.unknowns)
         put(self, "names", names)
-        _check_positive(self.mass, said)
-        _check_not_negative(self.stiffness, self.mass, "stiffness")
+        check_positive(self.mass, said)
+        check_not_negative(self.stiffness, self.mass, "stiffness")
         if "damping" in sizes:
-            _check_not_negative(self.damping, self.mass, "damping")
+            check_not_negative(self.damping, self.mass, "damping")
 
     # -- unknowns ----------------------------------------------------------------------------------
 
@@ -341,6 +348,8 @@ class Structure:
         if damping is not None and not isinstance(damping, ProportionalDamping | ModalDamping):
             damping = shapes.T @ (damping @ shapes)
             damping = (damping + damping.T) / 2.0
+        if isinstance(damping, ModalDamping):
+            damping = damping.of_lowest(mass.shape[0])
         basis = shapes if self.basis is None else self.basis @ shapes
         return Structure(
             mass, stiffness, damping, self.names, unit=self.unit, basis=basis, left_out=left_out
@@ -509,122 +518,6 @@ def _indices(names: Any) -> dict[str, int]:
         return dict(names)
     listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else []
     return {name: index for index, name in enumerate(listed)}
-
-
-def _check_names(given: Any, names: dict[str, int], count: int) -> None:
-    if isinstance(given, str) or not isinstance(given, Mapping | Sequence | None):
-        raise DeclarationError("names", "expected a list of names", 'Write it like ["tip"]')
-    listed = not isinstance(given, Mapping)
-    if listed and given is not None:
-        if len(given) != count:
-            raise DeclarationError(
-                "names",
-                f"{len(given)} names were given for {count} degrees of freedom",
-                'Give one for each, or a mapping of names to indices, like {"tip": 3}',
-            )
-        twice = next((name for i, name in enumerate(given) if name in given[:i]), None)
-        if twice is not None:
-            raise DeclarationError(
-                "names", f"'{short(str(twice))}' is given twice", "Use a different name for each"
-            )
-    called: dict[int, str] = {}
-    for name, index in names.items():
-        if not isinstance(name, str) or not NAME.match(name) or keyword.iskeyword(name):
-            raise DeclarationError(
-                "names",
-                f"'{short(str(name))}' is not a name",
-                "Use letters, digits and _, starting with a letter",
-            )
-        if isinstance(index, bool) or not isinstance(index, int | np.integer):
-            raise DeclarationError(
-                f"names.{name}", "its index is not an integer", "Use indices from 0"
-            )
-        if not 0 <= index < count:
-            raise DeclarationError(
-                f"names.{name}",
-                f"no degree of freedom {index}",
-                f"Use an index from 0 to {count - 1}",
-            )
-        if index in called:
-            raise DeclarationError(
-                f"names.{name}",
-                f"degree of freedom {index} is already called '{called[index]}'",
-                "Use one name",
-            )
-        called[int(index)] = name
-        names[name] = int(index)
-
-
-def _basis(given: Any, columns: int) -> Array:
-    if hasattr(given, "toarray"):
-        given = given.toarray()
-    basis = np.array(given)
-    if basis.dtype.kind not in "fiu" or basis.ndim != 2 or not np.all(np.isfinite(basis)):
-        raise DeclarationError("basis", "it is not a real, finite matrix", "Give shapes as columns")
-    if basis.shape[1] != columns:
-        raise DeclarationError(
-            "basis",
-            f"it has {basis.shape[1]} columns, but the mass has {columns}",
-            "Give a column for each coordinate, and a row for each degree of freedom",
-        )
-    basis = basis.astype(float)
-    basis.flags.writeable = False
-    return basis
-
-
-def _check_positive(mass: Symmetric, said: Any) -> None:
-    diagonal = mass.diagonal()
-    if np.any(diagonal <= 0.0):
-        worst = int(np.argmin(diagonal))
-        raise DeclarationError(
-            "mass",
-            f"not positive definite: the diagonal entry of {said(worst)} is {diagonal[worst]:g}",
-            "Remove degrees of freedom without mass by static condensation",
-        )
-    factor = matrices.factored(mass, solving=False)
-    if factor.negative or factor.singular:
-        raise DeclarationError(
-            "mass",
-            f"not positive definite: {_lowest_of(mass, None, factor.negative)}",
-            "Check the signs, and for linearly dependent degrees of freedom",
-        )
-
-
-def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
-    """Refuse a matrix with an eigenvalue that is negative beyond rounding."""
-    diagonal = np.abs(matrix.diagonal())
-    spread = float(np.max(diagonal, initial=0.0)) or 1.0
-    small = COMPUTED_ZERO * np.where(diagonal > 0.0, diagonal, spread)
-    if is_sparse(matrix):
-        from scipy.sparse import diags_array
-
-        raised = (matrix + diags_array(small)).tocsc()
-    else:
-        raised = matrix + np.diag(small)
-    factor = matrices.factored(raised, solving=False)
-    if factor.negative or factor.least == 0.0:
-        raise DeclarationError(
-            what,
-            f"indefinite: {_lowest_of(matrix, mass, factor.negative)}",
-            "Check the signs; declare a negative stiffness in the potential of the system, such "
-            "as -k/2*u[3]**2"
-            if what == "stiffness"
-            else "Damping must not create energy; declare negative damping as a force of the "
-            "system",
-        )
-
-
-def _lowest_of(matrix: Symmetric, mass: Symmetric | None, negative: int) -> str:
-    """The lowest eigenvalue, in words."""
-    n = matrix.shape[0]
-    if is_sparse(matrix) and n > 2000:
-        return f"{negative or 'some'} of its {n:,} eigenvalues are not positive"
-    from scipy.linalg import eigvalsh
-
-    by = None if mass is None else matrices.dense(mass)
-    low = eigvalsh(matrices.dense(matrix), by, subset_by_index=(0, 0))[0]
-    what = "the smallest" if mass is None else "relative to the mass, the smallest"
-    return f"{what} of its {n} eigenvalues is {low:.6g}"
 
 
 def _proportional(

@@ -19,7 +19,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import ConvergenceError, DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.quantities import drift_units, quantity
 from stickslip.model.system import System
@@ -27,7 +27,8 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate import simulate, with_span
 from stickslip.numerics.levels import TINIEST
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
@@ -285,13 +286,13 @@ def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
 
 def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis, ...]:
     """Values of the states that vary."""
-    axes = read_axes(system, over)
+    axes = read_axes(system, over, known=system.starts)
     for axis in axes:
         (name, *others) = axis.names
         where = f"over.{','.join(axis.names)}"
         if others or not system.start_slope(name, "over"):
-            known = ", ".join(system.declaration.state)
-            raise DeclarationError(where, "not a state of the system", f"Choose from {known}")
+            known = suggestion(axis.dimension, system.starts)
+            raise DeclarationError(where, "not a state of the system", known)
         if len(axis) < 2 or not np.all(np.diff(axis.values[0]) > 0.0):
             raise DeclarationError(
                 where,

@@ -15,10 +15,11 @@ from stickslip.errors import ConvergenceError
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.finding import repels
 from stickslip.orbits.fields.stable_set import settle_friction
-from stickslip.orbits.return_map.shooting import follow_freely
+from stickslip.orbits.return_map.following import follow_freely
 from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, taken_up
 
 _NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there

@@ -7,12 +7,11 @@ median θ and the dispersion β.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,7 +20,8 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.entries.units import with_unit
 from stickslip.model.system import System
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.model.system_file import SYSTEM
+from stickslip.results import CERTIFICATE, COMPLETION, PLAIN, Completion, Result, shortened
 from stickslip.sweeps.request.measures import LACKING, measures_of
 from stickslip.sweeps.request.records import SCALE, record_axis
 
@@ -61,6 +61,12 @@ class Fragility(Result):
     """
 
     KIND: ClassVar[str] = "fragility"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "completion": COMPLETION.of("outcome"),
+        "certificate": CERTIFICATE,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -148,28 +154,6 @@ class Fragility(Result):
         from stickslip.figures.fragility import plot_fragility
 
         return plot_fragility(self, ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and of what it is."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "completion": self.outcome.code,
-            "certificate": asdict(self.certificate),
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored fragility."""
-        from stickslip.model.system_file import loads
-
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            data,
-            Completion.from_code(int(parts["completion"])),
-            restored_certificate(json.loads(parts["certificate"])),
-        )
 
 
 def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fragility:

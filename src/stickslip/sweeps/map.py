@@ -17,8 +17,9 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.kept import cached_property
 from stickslip.model.entries.units import with_unit
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
-from stickslip.results import Completion, Result, shortened
+from stickslip.results import PLAIN, Completion, Result, shortened
 from stickslip.storage import PREFIX
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
@@ -321,6 +322,7 @@ class Basin(Result):
     """
 
     KIND: ClassVar[str] = "basin"
+    PARTS: ClassVar = {"system": SYSTEM, "parameters": PLAIN}
 
     system: System
     parameters: dict[str, float]
@@ -334,11 +336,6 @@ class Basin(Result):
     def along(self) -> str:
         """Quantities are those of the attractors."""
         return "reached"
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -415,15 +412,3 @@ class Basin(Result):
         from stickslip.figures.basin import plot_basin
 
         return plot_basin(self.dataset, ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and of what it is."""
-        return self.dataset, {"system": self.system.to_toml(), "parameters": self.parameters}
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored basin."""
-        from stickslip.model.system_file import loads
-
-        system = loads(parts["system"], f"{where}: system")
-        return cls(system, json.loads(parts["parameters"]), data)

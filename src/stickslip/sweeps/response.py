@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.model.system import System
-from stickslip.orbits.continuation.branch import SpecialPoint, restored_special
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.model.system_file import SYSTEM
+from stickslip.orbits.continuation.branch import SPECIAL_POINTS, SpecialPoint
+from stickslip.results import CERTIFICATE, PLAIN, Completion, Result, shortened, together
 
 if TYPE_CHECKING:
     import xarray
@@ -57,6 +56,16 @@ class FrequencyResponse(Result):
 
     KIND: ClassVar[str] = "frequency response"
     FORMAT: ClassVar[int] = 2
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "names": together("parameter", "level", "coordinate"),
+        "special": SPECIAL_POINTS,
+        "notes": PLAIN,
+        "certificate": CERTIFICATE,
+        "complete": PLAIN,
+        "time_up": PLAIN,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -87,11 +96,6 @@ class FrequencyResponse(Result):
     def levels(self) -> Array:
         """Values of the level."""
         return self.dataset["level"].values
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -176,39 +180,6 @@ class FrequencyResponse(Result):
     def overview(self, ax: Axes | None = None) -> Figure:
         """Amplitude over the frequency with the phase below."""
         return self.plot(ax=ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The numbers, and everything else as data."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "names": [self.parameter, self.level, self.coordinate],
-            "special": [asdict(s) for s in self.special],
-            "notes": self.notes,
-            "certificate": asdict(self.certificate),
-            "complete": self.complete,
-            "time_up": self.time_up,
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored response."""
-        from stickslip.model.system_file import loads
-
-        parameter, level, coordinate = json.loads(parts["names"])
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            parameter,
-            level,
-            coordinate,
-            data,
-            [restored_special(entry) for entry in json.loads(parts["special"])],
-            json.loads(parts["notes"]),
-            restored_certificate(json.loads(parts["certificate"])),
-            json.loads(parts["complete"]),
-            json.loads(parts.get("time_up", "false")),
-        )
 
 
 def _of_level(point: SpecialPoint, level: str) -> str:

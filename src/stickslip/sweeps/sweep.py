@@ -280,7 +280,7 @@ def checked_start(
     """
     started = system.started(initial)
     for name, value in started.items():
-        check_initial(system.declaration, name, value)
+        check_initial(system.declaration, name, value, system.started_unknowns)
     if twice := [name for name in (*started, *initial) if name in varied]:
         raise DeclarationError(
             f"initial.{twice[0]}", "it already varies along an axis", "Give it once only"

@@ -1,8 +1,8 @@
 """Expressions -> NumPy functions: many places at once, outside the compiled engine.
 
 The source text is made from expression trees by the same lowering as the engine's scalar code
-(:func:`stickslip.symbolic.tape.scalars_of`); it holds numbers, operators and the names defined
-here, nothing that a user wrote.
+(:func:`stickslip.symbolic.scalars.scalars_of`). It contains only numbers, operators and the names
+defined here, and nothing that a user wrote.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, Function
-from stickslip.symbolic.scalars import Scalar, element
-from stickslip.symbolic.tape import scalars_of
+from stickslip.symbolic.scalars import Scalar, element, scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
 
@@ -87,7 +86,7 @@ def evaluator(expressions: Sequence[Expr], names: Sequence[str]) -> NumericFunct
 def evaluator_of_numbers(
     expressions: Sequence[Expr], names: Sequence[str]
 ) -> Callable[[Sequence[float]], list[float]]:
-    """The same for one place at a time, without NumPy: ten times as fast there.
+    """As :func:`evaluator`, for one point at a time: without NumPy that is ten times as fast.
 
     Returns
     -------
@@ -112,9 +111,9 @@ def _compiled(
     operations: Mapping[str, Callable[..., Any]],
     function: Callable[[Function], Callable[..., Any]],
 ) -> Callable[..., Any]:
-    """The generated text, with the meaning of its operations and functions."""
+    """Generate and compile the source; its names mean the given operations and functions."""
     values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
-    written = _Text()
+    written = _SourceText()
     results = [written.of(values[e]) for e in expressions]
     lines = written.lines + [f"out[{i}] = {text}" for i, text in enumerate(results)]
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
@@ -137,8 +136,8 @@ def _evaluator(expressions: tuple[Expr, ...], names: tuple[str, ...]) -> Numeric
     return function
 
 
-class _Text:
-    """Values as source text: of numbers, entries of an array, and what formulas are made of.
+class _SourceText:
+    """Source text of values: numbers, entries of arrays, and operations on them.
 
     Attributes
     ----------
@@ -151,7 +150,7 @@ class _Text:
         self._variables: dict[Scalar, str] = {}
 
     def of(self, s: Scalar) -> str:
-        """Text of a value; what is kept gets a variable before."""
+        """Text of a value; a value that is kept is assigned to a variable first."""
         match s.op:
             case "number":
                 return repr(s.value)

@@ -636,7 +636,7 @@ def evaluate(expression: Expr, values: Mapping[str, float]) -> float:
 
 def _value(e: Expr, values: Mapping[str, float], known: Mapping[Expr, float]) -> float:
     """Value of a node, with the operations, and in the order, of all other ways to compute it
-    (:func:`stickslip.symbolic.tape.scalars_of`)."""
+    (:func:`stickslip.symbolic.scalars.scalars_of`)."""
     match e.op:
         case "num":
             return number(e)

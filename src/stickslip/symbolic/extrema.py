@@ -1,11 +1,11 @@
 """Global minima of a formula over an interval, by branch and bound: proved, with a stated gap.
 
 Every box has a lower bound: the natural one of interval arithmetic, or that of two lines from the
-values at its ends with the extreme slopes, whichever is higher. A box that cannot hold anything
-smaller than what was met is done with; the others are divided. A monotone box has its least value
-at an end. Near a smooth minimum the second bound is off by the square of the width of a box, so
-that a few boxes are left at every level; narrow minima cost a level for each halving, wherever they
-are.
+values at its ends with the extreme slopes, whichever is higher. A box whose bound is not below
+the smallest value found so far is discarded; the others are divided. A monotone box has its least
+value at an end. Near a smooth minimum the error of the second bound is of second order in the width
+of a box, so that only a few boxes remain at every level; a narrow minimum costs one level for each
+halving, wherever it is.
 
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """
@@ -23,11 +23,11 @@ from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.expressions import Expr
 
 _FIRST = 64  # boxes to begin with
-_AT_ONCE = 256  # boxes that are looked at together, at least
-_FINEST = 16  # parts of a box at once
+_AT_ONCE = 256  # boxes that are examined at once, at least
+_MOST_PARTS = 16  # into which a box is divided at once
 _MOST = 200_000  # boxes in all
-_TOLERANCE = 1e-15  # gap that will do, relative to the largest value at the first ends of boxes
-_ROUNDINGS = 4.0  # gaps that will do, in units of the rounding of the value at the minimum
+_TOLERANCE = 1e-15  # accepted gap, relative to the largest value at the ends of the first boxes
+_ROUNDINGS = 4.0  # accepted gap, in units of the rounding of the value at the minimum
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,16 @@ class Least:
     Attributes
     ----------
     place : float
-        Where the smallest value was met.
+        Where the smallest value was found.
     value : float
         That value, rounded up.
     floor : float
         No value is less.
     boxes : int
-        How many were looked at.
+        Number of boxes examined.
     resolved : bool
-        Whether the gap is that of the tolerance or of rounding; otherwise the boxes were at their
-        limit.
+        Whether the gap is within the tolerance or rounding; otherwise the limit of boxes was
+        reached.
     """
 
     place: float
@@ -57,7 +57,7 @@ class Least:
 
     @property
     def gap(self) -> float:
-        """What is not known of the minimum."""
+        """Width of the interval that contains the minimum."""
         return self.value - self.floor
 
 
@@ -77,15 +77,14 @@ def least(
     Parameters
     ----------
     others : mapping of str to (float, float), optional
-        Ranges of other names; with them, `value` holds for the whole of these ranges as little as
-        `floor` does.
+        Ranges of other names: whatever their values, the minimum is between `floor` and `value`.
     below : float
         Only values less than this are of interest: 0 asks whether there is a negative one. If there
         is none, `floor` is at least that number, up to the tolerance.
     tolerance : float
-        Gap that will do, relative to the largest value at the first ends of boxes.
+        Accepted gap, relative to the largest value at the ends of the first boxes.
     most : int
-        Boxes after which the search ends, with the gap that is left.
+        Boxes after which the search ends, with the remaining gap.
     """
     fixed = dict(others or {})
 
@@ -96,25 +95,25 @@ def least(
     ends = np.linspace(low, high, _FIRST + 1)
     values = at(ends)
     finite = values[1][np.isfinite(values[1])]
-    enough = tolerance * float(np.max(np.abs(finite), initial=0.0))
+    accepted = tolerance * float(np.max(np.abs(finite), initial=0.0))
     k = int(np.argmin(values[1]))
     place = float(ends[k])
     best = float(values[1][k])
     noise = float(values[1][k] - values[0][k])
     floor = float(values[0].min())
-    looked = 0
+    examined = 0
     start = ends[:-1]
     end = ends[1:]
     at_start = values[:, :-1]
     at_end = values[:, 1:]
     while True:
-        looked += len(start)
+        examined += len(start)
         ((box, slope),) = slopes([expression], {**fixed, name: (start, end)}, name)
         bound = np.maximum(
             box[0], between(at_start, at_end, slope, np.nextafter(end - start, math.inf))[0]
         )
-        bound = np.minimum(bound, np.minimum(at_start[0], at_end[0]))  # by rounding
-        open_ = bound < min(best, below) - max(enough, _ROUNDINGS * noise)
+        bound = np.minimum(bound, np.minimum(at_start[0], at_end[0]))  # rounding may exceed them
+        open_ = bound < min(best, below) - max(accepted, _ROUNDINGS * noise)
         open_ &= end - start > np.spacing(np.maximum(np.abs(start), np.abs(end)))
         floor = min(floor, float(np.min(bound[~open_], initial=math.inf)))
         start = start[open_]
@@ -122,11 +121,11 @@ def least(
         at_start = at_start[:, open_]
         at_end = at_end[:, open_]
         bound = bound[open_]
-        parts = 2 ** int(np.log2(np.clip(_AT_ONCE // max(len(start), 1), 2, _FINEST)))
-        if not len(start) or looked + parts * len(start) > most:
+        parts = 2 ** int(np.log2(np.clip(_AT_ONCE // max(len(start), 1), 2, _MOST_PARTS)))
+        if not len(start) or examined + parts * len(start) > most:
             break
-        share = np.arange(1, parts) / parts
-        inner = start[:, None] + (end - start)[:, None] * share
+        fractions = np.arange(1, parts) / parts
+        inner = start[:, None] + (end - start)[:, None] * fractions
         values = at(inner.ravel())
         k = int(np.argmin(values[1]))
         if values[1][k] < best:
@@ -140,4 +139,4 @@ def least(
             for pair in ((at_start[:, :, None], values), (values, at_end[:, :, None]))
         )
     floor = min(floor, float(np.min(bound, initial=math.inf)))
-    return Least(place, best, floor, looked, not len(start))
+    return Least(place, best, floor, examined, not len(start))

@@ -131,6 +131,11 @@ class Indexed(ABC):
     def symbols(self) -> frozenset[str]:
         """What its entries depend on."""
 
+    @property
+    @abstractmethod
+    def shown(self) -> tuple[int | str, ...]:
+        """Keys of the entries that messages list."""
+
     @abstractmethod
     def entry(self, key: int | str) -> Expr:
         """The entry with a number, from 0 on, or with a name.
@@ -220,6 +225,17 @@ class Scope:
         self._work = 0
         definition = self.definitions[name]
         self.apply(name, tuple(ex.sym(a) for a in definition.arguments), definition.where)
+
+    def listed(self, bound: Iterable[str] = ()) -> list[str]:
+        """Names of numbers that messages may list, those of entries of vectors first.
+
+        Parameters
+        ----------
+        bound : iterable of str
+            Arguments of the function that is read.
+        """
+        entries = [f"{name}[{key}]" for name, v in self.vectors.items() for key in v.shown]
+        return list(dict.fromkeys([*entries, *bound, *self.names, *self.definitions]))
 
     def apply(self, name: str, arguments: tuple[Expr, ...], where: str) -> Expr:
         """Value of a function of the declaration."""
@@ -542,7 +558,9 @@ class _Reader:
             raise self.fail(f"'{name}' is not allowed here", self.scope.forbidden[name])
         if name in builtins():
             raise self.fail(f"'{name}' is a function", f"Write {name}(...)")
-        raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
+        public = sorted(x for x in self.scope.listed(self.bound) if not x.startswith("_"))
+        remedy = suggestion(name, public, accepts=_Reader(self.scope, self.where, self.bound).read)
+        raise self.fail(f"unknown name '{short(name)}'", remedy)
 
     def entry(self, name: str, index: ast.expr) -> Expr:
         """One of the numbers of a vector."""

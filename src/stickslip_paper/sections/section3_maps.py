@@ -121,13 +121,13 @@ def sections() -> Finding:
 )
 def travel_time_of_slip() -> Finding:
     """A slip lasts half a turn about the focus."""
-    rest = []
+    errors = []
     printed = math.inf
     for nu in _VISCOSITIES:
         time, _ = flight(0.3, nu, 1.0)
-        rest.append(time - math.pi * math.sqrt(nu) / omega(1.0))
+        errors.append(time - math.pi * math.sqrt(nu) / omega(1.0))
         printed = minimum(printed, abs(time - math.pi * omega(1.0) / math.sqrt(nu)) / time)
-    order = scales(_VISCOSITIES, rest, 1.0, 0.05, "time − π√ν/ω_b", "ν")
+    order = scales(_VISCOSITIES, errors, 1.0, 0.05, "time − π√ν/ω_b", "ν")
     verdict = (
         Verdict.CORRECTED if order.verdict is Verdict.ASYMPTOTIC and printed > 1 else Verdict.FAILS
     )

@@ -27,7 +27,8 @@ from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import PointOnTheWay
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from systems import distance, oscillator
 
 

@@ -14,7 +14,7 @@ from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.branches.onset_curve import stick_onset_curve
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 OSCILLATOR = catalogue.forced_oscillator()
 

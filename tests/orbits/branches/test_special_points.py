@@ -16,7 +16,7 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.continuation.branch import Branch, with_special
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 
 @pytest.fixture(scope="module")

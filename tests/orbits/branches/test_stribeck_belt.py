@@ -19,7 +19,7 @@ from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
 from stickslip.orbits.branches.onset_curve import stick_onset_curve
 from stickslip.orbits.continuation.branch import Branch
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 SPAN = (0.02, 4.0)
 NUMBERS = {"F_s": 1.0, "F_k": 0.5, "v_s": 0.5, "m": 1.0, "k": 1.0, "c": 0.05}

@@ -14,7 +14,8 @@ from stickslip import Trajectory, catalogue, simulate
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.motion import certify as certify_motion
 from stickslip.orbits.cycles.certificate import certify_cycle
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.period import shorter, shortest
 from stickslip.orbits.fields.mode_field import Pieces

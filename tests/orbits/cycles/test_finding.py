@@ -25,7 +25,8 @@ from stickslip import (
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles import finding
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.symbolic import expressions as ex
 from systems import distance, oscillator
 

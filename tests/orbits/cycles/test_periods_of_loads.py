@@ -11,11 +11,11 @@ from stickslip import Contact, Inertial, Parameter, System, catalogue
 from stickslip.errors import DeclarationError
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.cycle_branch import continue_cycle
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.following import follow_freely
 from stickslip.orbits.return_map.recurrence import window
-from stickslip.orbits.return_map.shooting import follow_freely
 
 
 def loaded(load: str, threshold: str = "mu") -> System:

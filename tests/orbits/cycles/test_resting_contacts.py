@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from orbits.examples import jenkins
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.continuation.branch import Branch
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 RANGE = (1.0, 1.5)
 

@@ -24,7 +24,7 @@ from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, STAGES,
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.spectra import decompose_piece
 from stickslip.orbits.fields.variational import variation
-from stickslip.orbits.return_map.shooting import follow_state
+from stickslip.orbits.return_map.following import follow_state
 
 
 class Space:

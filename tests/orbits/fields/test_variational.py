@@ -17,7 +17,7 @@ from stickslip import Internal, Parameter, System, Trajectory, catalogue, simula
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import Variation, variation
-from stickslip.orbits.return_map.shooting import follow_state
+from stickslip.orbits.return_map.following import follow_state
 from systems import oscillator
 
 DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}

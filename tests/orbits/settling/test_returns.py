@@ -6,7 +6,7 @@ import pytest
 
 from stickslip import Contact, Inertial, Parameter, System
 from stickslip.errors import ConvergenceError
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 STRING = System(
     "drill string of two inertias",

@@ -13,7 +13,7 @@ from orbits.examples import SLIDER, dragged, isola, stribeck_belt
 from stickslip import Contact, Inertial, System, Viscous, catalogue, simulate
 from stickslip.errors import ConvergenceError
 from stickslip.model.system import Internal
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.lyapunov import largest_exponent
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.families import Family

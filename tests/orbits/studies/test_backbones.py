@@ -10,6 +10,7 @@ import pytest
 from scipy.special import ellipk
 
 import stickslip as ss
+from bodies import chain
 
 
 def rubbing_mass() -> ss.System:
@@ -240,3 +241,32 @@ def test_where_there_is_no_cycle_it_says_so() -> None:
     found = ss.backbone(rubbing_mass(), (0.05, 1.0), points=3)
     assert not found.outcome.ok and "no cycle at the amplitude 0.05" in found.message
     assert len(found.amplitude) == 2
+
+
+def strongly_damped(ratios: float | list[float]) -> ss.System:
+    """A chain with a joint that never slips."""
+    body = ss.Structure(*chain(3), ss.ModalDamping(ratios))
+    joint = ss.laws.jenkins("d_u[1]", F_c=1.0, k=1e-9)
+    return ss.System("chain", structures={"u": body}, contacts={"joint": joint})
+
+
+@pytest.mark.parametrize("ratio", [0.7, 0.9, 0.99])
+def test_strong_damping_below_critical(ratio: float) -> None:
+    found = ss.backbone(strongly_damped(ratio), (0.1, 1.0), points=3)
+    assert found.certificate.ok and found.outcome.ok
+    np.testing.assert_allclose(found.damping, ratio, rtol=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1.01, 1.5, 3.0, 30.0])
+def test_overdamped_modes_have_no_backbone(ratio: float) -> None:
+    message = rf"mode 1 is overdamped: its damping ratio is {ratio:.2g}.*no backbone. Reduce"
+    with pytest.raises(ss.DeclarationError, match=message):
+        ss.backbone(strongly_damped(ratio), (0.1, 1.0), points=3)
+
+
+def test_overdamped_modes_name_those_that_are_not() -> None:
+    system = strongly_damped([0.05, 2.0, 0.3])
+    with pytest.raises(ss.DeclarationError, match=r"mode 2 is overdamped.*Choose.* modes 1, 3, or"):
+        ss.backbone(system, (0.1, 1.0), mode=2, points=3)
+    for mode in (1, 3):
+        assert ss.backbone(system, (0.1, 1.0), mode=mode, points=3).certificate.ok

@@ -19,7 +19,8 @@ import pytest
 from oracles import crawler
 from stickslip import System, catalogue
 from stickslip.errors import ConvergenceError
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.symbolic import expressions as ex
 
 WALK = {"psi": -1.67, "x_R": 0.45, "x_L": 0.0}

@@ -13,7 +13,7 @@ import typer
 from stickslip import __version__
 from stickslip.certificates import Certificate, Residual
 from stickslip.cli.common.models import settings_of
-from stickslip.cli.common.present import Files, Json, Out, ShowProgress, folder_of, present
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.model.names import measured_drives
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
 _TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
-AVERAGE = Files()
+AVERAGE = Files(folder="average")
 EVOLUTION = Files("evolution.nc")
 _SHOWN = 8  # components in a table; all are in summary.json
 
@@ -48,7 +48,7 @@ EvolutionOptions = Annotated[
 
 
 def average_command(
-    file: File, settings: EvolutionOptions = None, out: Out = None, json_: Json = False
+    file: File, settings: EvolutionOptions = None, *, output: ResultOptions
 ) -> None:
     """Average oscillating friction: the effective friction, and the phases at which motion occurs.
 
@@ -61,8 +61,7 @@ def average_command(
     def work(progress: ShowProgress) -> Averaged:
         return Averaged(model, model.potential.average(_TOLERANCE))
 
-    folder = out or folder_of(model.name, "average")
-    present(f"average of {model.name}", folder, AVERAGE, work, json_, heading(model))
+    present(f"average of {model.name}", model.name, AVERAGE, work, output, heading(model))
 
 
 def evolve_command(
@@ -78,8 +77,8 @@ def evolve_command(
     averaged: Annotated[
         bool, typer.Option("--averaged", help="Compute the limit of fast oscillations.")
     ] = False,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Compute, certify and store a rate-independent evolution.
 
@@ -104,10 +103,9 @@ def evolve_command(
     def work(progress: ShowProgress) -> History | Play:
         return evolved(model, averaged, progress)
 
-    folder = out or folder_of(model.name, "averaged" if averaged else "")
-    present(
-        f"evolution of {model.name}", folder, EVOLUTION, work, json_, {**heading(model), **more}
-    )
+    files = replace(EVOLUTION, folder="averaged" if averaged else "")
+    more = {**heading(model), **more}
+    present(f"evolution of {model.name}", model.name, files, work, output, more)
 
 
 # -- what both share -------------------------------------------------------------------------------

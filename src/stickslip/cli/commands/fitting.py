@@ -8,22 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stickslip.cli.common.models import assignments, load_model, numbers, settings_of
-from stickslip.cli.common.present import (
-    Files,
-    Json,
-    Model,
-    Out,
-    ParameterOptions,
-    ShowProgress,
-    folder_of,
-    present,
-)
+from stickslip.cli.common.options import Model, ParameterOptions
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError, suggestion
 
 if TYPE_CHECKING:
     from stickslip.fitting.recording import Recording
+    from stickslip.model.system import System
 
-FIT = Files("fit.nc", {"fit.csv": lambda found: found.table})
+FIT = Files.with_table("fit")
 
 
 def fit_command(
@@ -81,8 +74,8 @@ def fit_command(
         typer.Option("--events", metavar="EVENT", help="Rows are events, such as 'ground slips'."),
     ] = "",
     starts: Annotated[int, typer.Option("--starts", help="Number of starts.")] = 8,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Fit parameters of a system to data, with confidence intervals.
 
@@ -93,11 +86,7 @@ def fit_command(
     """
     from stickslip import Fit, Recording, fit
 
-    system = load_model(model, [])
-    given = settings_of(settings or [])
-    values = {n: v for n, v in given.items() if n in system.parameters}
-    system = system.configure({n: v for n, v in given.items() if n not in values})
-    parameters = numbers(_plain(values), "--set")
+    system, parameters = _configured(model, settings or [])
     begin = dict(assignments(initial or [], "--initial"))
     unknowns = dict(_unknown(text) for text in free)
     table = {"drives": _pairs(drive, "--drive"), "time": time, "events": events}
@@ -109,12 +98,17 @@ def fit_command(
     def work(progress: ShowProgress) -> Fit:
         return fit(system, records, unknowns, chosen, starts=starts, progress=progress, **options)
 
-    folder = out or folder_of(system.name, "fit")
-    present(f"fitting {system.name}", folder, FIT, work, json_)
+    present(f"fitting {system.name}", system.name, FIT, work, output)
 
 
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if isinstance(value, str | float | int)}
+def _configured(model: str, settings: list[str]) -> tuple[System, dict[str, float]]:
+    """The system, and the values of parameters that are not fitted."""
+    system = load_model(model, [])
+    given = settings_of(settings)
+    values = {n: v for n, v in given.items() if n in system.parameters}
+    system = system.configure({n: v for n, v in given.items() if n not in values})
+    plain = {n: v for n, v in values.items() if isinstance(v, str | float | int)}
+    return system, numbers(plain, "--set")
 
 
 def _unknown(text: str) -> tuple[str, tuple[float, float] | None]:

@@ -4,39 +4,37 @@
 from __future__ import annotations
 
 import time
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from stickslip.cli.common.models import assignments, load_model, numbers, spans
-from stickslip.cli.common.present import (
-    Files,
+from stickslip.cli.common.models import given, load_model, spans
+from stickslip.cli.common.options import (
+    Accuracy,
     Initial,
-    Json,
     Model,
-    Out,
     ParameterOptions,
-    ShowProgress,
     TimeLimit,
     TimeLimitOfEach,
     Until,
-    folder_of,
-    present,
+    quantity_of,
 )
+from stickslip.cli.common.present import Files, ResultOptions, ShowProgress, present
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
 from stickslip.storage import named
 
-MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
-EVENT_FILES = Files("catalogue.nc", {"catalogue.csv": lambda found: found.table})
-EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
-CYCLE = Files("cycle.nc")
-BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
-RESPONSE = Files("response.nc", {"response.csv": lambda found: found.table})
-RING_DOWN = Files("ring-down.nc", {"ring-down.csv": lambda found: found.table})
-BACKBONE = Files("backbone.nc", {"backbone.csv": lambda found: found.table})
-BASIN = Files("basin.nc")
+MOTION_FILES = Files("trajectory.nc", {"events.csv": attrgetter("events")})
+EVENT_FILES = Files.with_table("catalogue", "events")
+EQUILIBRIA = Files.with_table("equilibria")
+CYCLE = Files("cycle.nc", folder="cycle")
+BRANCH = Files.with_table("branch")
+RESPONSE = Files.with_table("response")
+RING_DOWN = Files.with_table("ring-down")
+BACKBONE = Files.with_table("backbone")
+BASIN = Files("basin.nc", folder="basin")
 
 
 def run_command(
@@ -44,10 +42,10 @@ def run_command(
     settings: ParameterOptions = None,
     initial: Initial = None,
     until: Until = None,
-    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    rtol: Accuracy = 1e-10,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Compute, certify and store a motion.
 
@@ -65,7 +63,7 @@ def run_command(
         limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
         return simulate(system, initial=start, progress=progress, **limits)
 
-    present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
+    present("moving", system.name, MOTION_FILES, work, output)
 
 
 def events_command(
@@ -76,8 +74,8 @@ def events_command(
         float | None,
         typer.Option("--faster-than", metavar="RATE", help="Rate above which an event is counted."),
     ] = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """List the slip events of a stored motion: start, duration, size, energy.
 
@@ -98,11 +96,11 @@ def events_command(
     def work(progress: ShowProgress) -> EventCatalogue:
         return motion.event_catalogue(faster_than=faster_than)
 
-    present("events", out or folder_of(motion.system.name, "events"), EVENT_FILES, work, json_)
+    present("events", motion.system.name, EVENT_FILES, work, output)
 
 
 def equilibria_command(
-    model: Model, settings: ParameterOptions = None, out: Out = None, json_: Json = False
+    model: Model, settings: ParameterOptions = None, *, output: ResultOptions
 ) -> None:
     """Find the states of rest and of steady sliding, and their stability.
 
@@ -118,8 +116,7 @@ def equilibria_command(
     def work(progress: ShowProgress) -> Equilibria:
         return find(system)
 
-    folder = out or folder_of(system.name, "equilibria")
-    present(f"equilibria of {system.name}", folder, EQUILIBRIA, work, json_)
+    present(f"equilibria of {system.name}", system.name, EQUILIBRIA, work, output)
 
 
 def cycle_command(
@@ -128,8 +125,8 @@ def cycle_command(
     initial: Initial = None,
     until: Until = None,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Find the cycle or gait on which the motion from the initial state settles.
 
@@ -145,8 +142,7 @@ def cycle_command(
     def work(progress: ShowProgress) -> Cycle:
         return find_cycle(system, start, time_limit=time_limit)
 
-    folder = out or folder_of(system.name, "cycle")
-    present(f"cycle of {system.name}", folder, CYCLE, work, json_)
+    present(f"cycle of {system.name}", system.name, CYCLE, work, output)
 
 
 def branch_command(
@@ -167,8 +163,8 @@ def branch_command(
         ),
     ] = False,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Follow an equilibrium (or a cycle) over a parameter, and report special points.
 
@@ -181,12 +177,7 @@ def branch_command(
     from stickslip.equations.derive import derive
     from stickslip.orbits.branches.equilibrium_branch import checked_range
 
-    ranges = spans(over)
-    if len(ranges) != 1:
-        raise DeclarationError(
-            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
-        )
-    parameter, (low, high) = next(iter(ranges.items()))
+    parameter, (low, high) = _one_range(over)
     start = given(initial)
     system = load_model(model, settings or [], until)
     checked_range(system, parameter, (low, high))
@@ -207,8 +198,7 @@ def branch_command(
         left = None if time_limit is None else max(time_limit - spent, 1e-3)
         return continue_cycle(cycle, *over, time_limit=left)
 
-    folder = out or folder_of(system.name, "branch")
-    present(f"branch of {system.name}", folder, BRANCH, work, json_)
+    present(f"branch of {system.name}", system.name, BRANCH, work, output)
 
 
 def response_command(
@@ -230,15 +220,7 @@ def response_command(
             help="Levels, one line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
         ),
     ] = None,
-    of: Annotated[
-        str | None,
-        typer.Option(
-            "--of",
-            metavar="FORMULA",
-            help="Quantity of the response: a coordinate, an output, 'u[tip]' or 'u[tip] - "
-            "u[root]'.",
-        ),
-    ] = None,
+    of: Annotated[str | None, quantity_of("the response")] = None,
     drive: Annotated[
         str | None,
         typer.Option(
@@ -256,8 +238,8 @@ def response_command(
     settings: ParameterOptions = None,
     initial: Initial = None,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Follow the response to a drive over its frequency: amplitude, phase and stability.
 
@@ -268,14 +250,10 @@ def response_command(
     """
     from stickslip import FrequencyResponse, frequency_response
 
-    ranges = spans(over or [])
-    if len(ranges) > 1:
-        raise DeclarationError(
-            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
-        )
+    asked = _one_range(over) if over else None
     start = given(initial)
     system = load_model(model, settings or [])
-    parameter, (low, high) = next(iter(ranges.items())) if ranges else _around_drive(system)
+    parameter, (low, high) = asked or _around_drive(system)
 
     def work(progress: ShowProgress) -> FrequencyResponse:
         return frequency_response(
@@ -290,8 +268,7 @@ def response_command(
             time_limit=time_limit,
         )
 
-    folder = out or folder_of(system.name, "response")
-    present(f"response of {system.name}", folder, RESPONSE, work, json_)
+    present(f"response of {system.name}", system.name, RESPONSE, work, output)
 
 
 def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
@@ -324,22 +301,14 @@ def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
 
 def ring_down_command(
     model: Model,
-    of: Annotated[
-        str | None,
-        typer.Option(
-            "--of",
-            metavar="FORMULA",
-            help="Quantity of the vibration: a coordinate, an output, 'u[tip]' or 'u[tip] - "
-            "u[root]'.",
-        ),
-    ] = None,
+    of: Annotated[str | None, quantity_of("the vibration")] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
     until: Until = None,
-    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    rtol: Accuracy = 1e-10,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Analyse a decaying vibration: amplitude, frequency and damping of every half-cycle.
 
@@ -365,8 +334,7 @@ def ring_down_command(
             progress=progress,
         )
 
-    folder = out or folder_of(system.name, "ring-down")
-    present(f"ring-down of {system.name}", folder, RING_DOWN, work, json_)
+    present(f"ring-down of {system.name}", system.name, RING_DOWN, work, output)
 
 
 def backbone_command(
@@ -377,15 +345,7 @@ def backbone_command(
             "--amplitudes", metavar="LOW:HIGH", help="Range of amplitudes, such as 0.1:10."
         ),
     ],
-    of: Annotated[
-        str | None,
-        typer.Option(
-            "--of",
-            metavar="FORMULA",
-            help="Quantity of the amplitude: a coordinate, an output, 'u[tip]' or 'u[tip] - "
-            "u[root]'.",
-        ),
-    ] = None,
+    of: Annotated[str | None, quantity_of("the amplitude")] = None,
     mode: Annotated[
         int, typer.Option("--mode", metavar="N", help="Linear mode to start from; 1 is the lowest.")
     ] = 1,
@@ -395,8 +355,8 @@ def backbone_command(
     ] = 30,
     settings: ParameterOptions = None,
     time_limit: TimeLimit = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Find the frequency and damping of a mode over its amplitude, without a drive.
 
@@ -425,8 +385,7 @@ def backbone_command(
             time_limit=time_limit,
         )
 
-    folder = out or folder_of(system.name, "backbone")
-    present(f"backbone of {system.name}", folder, BACKBONE, work, json_)
+    present(f"backbone of {system.name}", system.name, BACKBONE, work, output)
 
 
 def basin_command(
@@ -443,8 +402,8 @@ def basin_command(
     initial: Initial = None,
     until: Until = None,
     time_limit: TimeLimitOfEach = None,
-    out: Out = None,
-    json_: Json = False,
+    *,
+    output: ResultOptions,
 ) -> None:
     """Compute which attractor each of many initial states reaches.
 
@@ -466,13 +425,15 @@ def basin_command(
     def work(progress: ShowProgress) -> Basin:
         return find(system, over, initial=start, progress=progress, time_limit=time_limit)
 
-    folder = out or folder_of(system.name, "basin")
-    present(f"basin of {system.name}", folder, BASIN, work, json_)
+    present(f"basin of {system.name}", system.name, BASIN, work, output)
 
 
-# -- what they are told ----------------------------------------------------------------------------
-
-
-def given(initial: list[str] | None) -> dict[str, float] | None:
-    """Initial values; None if there are none."""
-    return numbers(assignments(initial or [], "--initial"), "--initial") or None
+def _one_range(over: list[str]) -> tuple[str, tuple[float, float]]:
+    """The parameter of ``--over NAME=LOW:HIGH``, and its range."""
+    ranges = spans(over)
+    if len(ranges) != 1:
+        raise DeclarationError(
+            "--over", f"{len(ranges)} parameters were given", "Give one parameter"
+        )
+    parameter, (low, high) = next(iter(ranges.items()))
+    return parameter, (low, high)

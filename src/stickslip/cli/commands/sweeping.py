@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stickslip.cli.common.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
-from stickslip.cli.common.models import assignments, load_model, numbers, spans
-from stickslip.cli.common.present import (
+from stickslip.cli.common.models import given, load_model, spans
+from stickslip.cli.common.options import (
+    AccuracyOfEach,
     Initial,
+    MeasureOptions,
     Model,
     ParameterOptions,
+    Stored,
     TimeLimitOfEach,
     Until,
-    folder_of,
+    Workers,
 )
+from stickslip.cli.common.present import folder_of
 from stickslip.cli.common.report import print_summary
 from stickslip.errors import DeclarationError
 from stickslip.storage import named
@@ -29,32 +34,59 @@ if TYPE_CHECKING:
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.sweep import Progress
 
-ShowPoints = Callable[["Progress"], None] | None
-Workers = Annotated[
-    int | None,
-    typer.Option("--workers", help="Number of threads or processes.  [default: number of cores]"),
-]
-Processes = Annotated[bool, typer.Option("--processes", help="Use processes instead of threads.")]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address."),
-]
-LocalCluster = Annotated[bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")]
-Extend = Annotated[bool, typer.Option("--extend", help="Add points to a stored map.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")]
-Repair = Annotated[bool, typer.Option("--repair", help="Recompute damaged chunks.")]
-Rtol = Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")]
-MeasureOptions = Annotated[
-    list[str],
-    typer.Option(
-        "--measure",
-        metavar="MEASURE",
-        help="Measure: period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-        "switches, mean, rms, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g "
-        "..., also of one part as in amplitude:psi; 'name = formula' of these; "
-        "file.py:function; may be repeated.",
-    ),
-]
+
+@dataclass(frozen=True)
+class Convergence:
+    """When a motion counts as settled on a cycle, and its accuracy."""
+
+    rtol: AccuracyOfEach = 1e-10
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            "--tolerance", help="Relative tolerance for a motion to count as settled on a cycle."
+        ),
+    ] = 1e-8
+    max_time: Annotated[
+        float | None,
+        typer.Option(
+            "--max-time", metavar="T", help="Time after which a motion counts as not settled."
+        ),
+    ] = None
+    longest_cycle: Annotated[
+        int,
+        typer.Option(
+            "--longest-cycle",
+            metavar="N",
+            help="Maximum number of events, or of drive periods, of a cycle.",
+        ),
+    ] = 48
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Where an adaptive map has more points."""
+
+    adaptive: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--adaptive",
+            metavar="NAME",
+            help="Refine only where this measure, or the outcome, changes.",
+        ),
+    ] = None
+    contrast: Annotated[
+        float,
+        typer.Option(
+            "--contrast",
+            help="Change relative to the range of the measure above which --adaptive refines.",
+        ),
+    ] = 0.05
+
+    def rule(self) -> Adaptive | None:
+        """The rule of refinement; None for a map of equal resolution."""
+        from stickslip.sweeps.adaptive import Adaptive
+
+        return Adaptive(tuple(self.adaptive), self.contrast) if self.adaptive else None
 
 
 def sweep_command(
@@ -77,27 +109,8 @@ def sweep_command(
     settings: ParameterOptions = None,
     initial: Initial = None,
     until: Until = None,
-    rtol: Rtol = 1e-10,
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            "--tolerance", help="Relative tolerance for a motion to count as settled on a cycle."
-        ),
-    ] = 1e-8,
-    max_time: Annotated[
-        float | None,
-        typer.Option(
-            "--max-time", metavar="T", help="Time after which a motion counts as not settled."
-        ),
-    ] = None,
-    longest_cycle: Annotated[
-        int,
-        typer.Option(
-            "--longest-cycle",
-            metavar="N",
-            help="Maximum number of events, or of drive periods, of a cycle.",
-        ),
-    ] = 48,
+    *,
+    convergence: Convergence,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of random and low-discrepancy samples.")
     ] = 0,
@@ -110,34 +123,15 @@ def sweep_command(
             "such as omega, 'omega down', or 'omega both' for up and down.",
         ),
     ] = None,
-    adaptive: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--adaptive",
-            metavar="NAME",
-            help="Refine only where this measure, or the outcome, changes.",
-        ),
-    ] = None,
-    contrast: Annotated[
-        float,
-        typer.Option(
-            "--contrast",
-            help="Change relative to the range of the measure above which --adaptive refines.",
-        ),
-    ] = 0.05,
-    workers: Workers = None,
-    processes: Processes = False,
-    scheduler: Scheduler = None,
-    local_cluster: LocalCluster = False,
+    refinement: Refinement,
+    by: Workers,
     device: Annotated[
         str,
         typer.Option(
             "--device", metavar="cpu|gpu", help="Device of the computation: cpu or gpu (CUDA)."
         ),
     ] = "cpu",
-    extend: Extend = False,
-    overwrite: Overwrite = False,
-    repair: Repair = False,
+    stored: Stored,
     time_limit: TimeLimitOfEach = None,
 ) -> None:
     """Measure a system over parameters and initial values.
@@ -147,63 +141,49 @@ def sweep_command(
     Exit code: 0 complete, 1 a point reached its time limit, 2 wrong input, 130 interrupted
     (the results so far are kept).
     """
+    from stickslip import Settings
     from stickslip import sweep as compute
-    from stickslip.sweeps.work.chunk import Settings as MapSettings
 
     system = load_model(model, settings or [], until)
-    start = numbers(assignments(initial or [], "--initial"), "--initial")
+    start = given(initial)
     path = out or folder_of(system.name).with_suffix(".zarr")
-    settled = MapSettings(
-        tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
-    )
 
-    def work(who: str, progress: ShowPoints) -> Map:
+    def work(**running: Any) -> Map:
         return compute(
             system,
             over,
             measure,
             path,
             initial=start,
-            settings=settled,
+            settings=Settings(**vars(convergence)),
             seed=seed,
             carry=carry,
-            adaptive=_adaptive(adaptive, contrast),
-            scheduler=who,
-            workers=workers,
+            adaptive=refinement.rule(),
             device=device,
-            extend=extend,
-            overwrite=overwrite,
-            repair=repair,
             time_limit=time_limit,
-            progress=progress,
+            **vars(stored),
+            **running,
         )
 
-    who = workers_of(scheduler, local_cluster, processes, workers)
-    found = computed_map(path, who, work)
+    found = computed_map(path, by, work)
     print_summary(found.summary(), more=[("written", str(path))])
     if not found.outcome.ok:
         raise typer.Exit(NOT_CERTIFIED)
 
 
-def computed_map(
-    path: Path,
-    who: contextlib.AbstractContextManager[str],
-    work: Callable[[str, ShowPoints], Map],
-) -> Map:
+def computed_map(path: Path, by: Workers, work: Callable[..., Map]) -> Map:
     """A map, with a bar while it is computed; where it is interrupted, the command ends.
 
     Parameters
     ----------
     path : Path
         Its store.
-    who : context manager
-        Of the scheduler that does the work.
     work : callable
-        Takes the scheduler and who is told of progress.
+        Takes ``scheduler``, ``workers`` and ``progress``, as ``sweep`` does.
     """
     try:
-        with who as scheduler, _progress(str(path)) as progress:
-            found = work(scheduler, progress)
+        with by.started() as scheduler, _progress(str(path)) as progress:
+            found = work(scheduler=scheduler, workers=by.workers, progress=progress)
     except KeyboardInterrupt:
         text = (
             f"interrupted; the results so far are in {path}; run the same command again to resume"
@@ -269,13 +249,10 @@ def plot_command(
     typer.echo(picture)
 
 
-def export_command(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE|MODEL", help="A stored result or map, or the model of a system."
-        ),
-    ],
+@dataclass(frozen=True)
+class Target:
+    """The file to write, and of which kind it is."""
+
     out: Annotated[
         Path | None,
         typer.Option(
@@ -283,14 +260,68 @@ def export_command(
             metavar="FILE",
             help="Path of the file: .csv, .parquet or .wav for a result; .fmu or .py for a model.",
         ),
-    ] = None,
+    ] = None
     fmi: Annotated[
         bool, typer.Option("--fmi", help="Write an FMU of the model; NAME.fmu without --out.")
-    ] = False,
+    ] = False
     python: Annotated[
         bool,
         typer.Option("--python", help="Write a Python file of the model; NAME.py without --out."),
-    ] = False,
+    ] = False
+
+    def path(self, source: str) -> Path:
+        """The path of the file; without ``--out`` it is called after the source.
+
+        Raises
+        ------
+        DeclarationError
+            If the options ask for two kinds of files, or for none.
+        """
+        asked = {".fmu": self.fmi, ".py": self.python}
+        endings = [ending for ending, wanted in asked.items() if wanted]
+        if len(endings) > 1:
+            raise DeclarationError(
+                "--python", "--fmi and this option ask for different files", "Use one of them"
+            )
+        if self.out is None:
+            if not endings:
+                remedy = "Give --out FILE or, for a model, --fmi or --python"
+                raise DeclarationError("--out", "the file to write is not specified", remedy)
+            return Path(Path(source).stem + endings[0])
+        if endings and self.out.suffix.lower() != endings[0]:
+            reason = f"'{self.out}' does not end in {endings[0]}"
+            raise DeclarationError("--out", reason, f"Use {self.out.with_suffix(endings[0])}")
+        return self.out
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Rows of a table and samples of a sound, as ``export`` takes them."""
+
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="DT", help="Time between rows of a motion or a cycle."),
+    ] = None
+    units: Annotated[
+        bool, typer.Option("--units", help="Add units to the column names of a CSV file.")
+    ] = False
+    rate: Annotated[
+        int, typer.Option("--rate", metavar="HZ", help="Samples per second of a sound.")
+    ] = 44100
+    seconds: Annotated[
+        float, typer.Option("--seconds", help="Duration in seconds of a unit of time in a sound.")
+    ] = 1.0
+
+
+def export_command(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|MODEL", help="A stored result or map, or the model of a system."
+        ),
+    ],
+    *,
+    target: Target,
     settings: ParameterOptions = None,
     input_: Annotated[
         list[str] | None,
@@ -314,77 +345,24 @@ def export_command(
             "[default: all]",
         ),
     ] = None,
-    step: Annotated[
-        float | None,
-        typer.Option("--step", metavar="DT", help="Time between rows of a motion or a cycle."),
-    ] = None,
-    units: Annotated[
-        bool, typer.Option("--units", help="Add units to the column names of a CSV file.")
-    ] = False,
-    rate: Annotated[
-        int, typer.Option("--rate", metavar="HZ", help="Samples per second of a sound.")
-    ] = 44100,
-    seconds: Annotated[
-        float, typer.Option("--seconds", help="Duration in seconds of a unit of time in a sound.")
-    ] = 1.0,
+    sampling: Sampling,
 ) -> None:
     """Export a stored result for other programs: its table as CSV or Parquet, or a quantity of a
     motion or a cycle as sound; or a model as an FMU or a Python file."""
     from stickslip import export
     from stickslip import open as open_result
 
-    place = _place(file, out, {".fmu": fmi, ".py": python})
+    place = target.path(file)
     if place.suffix.lower() in (".fmu", ".py"):
         inputs = [] if no_inputs else input_ or None
         export(load_model(file, settings or []), place, *(quantity or ()), inputs=inputs)
     else:
-        for option, given in (("--set", settings), ("--input", input_)):
-            if given:
+        for option, values in (("--set", settings), ("--input", input_)):
+            if values:
                 raise DeclarationError(option, "a stored result cannot be changed", "Remove it")
         result = open_result(Path(file))
-        export(result, place, *(quantity or ()), step=step, units=units, rate=rate, seconds=seconds)
+        export(result, place, *(quantity or ()), **vars(sampling))
     typer.echo(place)
-
-
-def _place(file: str, out: Path | None, asked: Mapping[str, bool]) -> Path:
-    """The file that is written."""
-    endings = [ending for ending, wanted in asked.items() if wanted]
-    if len(endings) > 1:
-        raise DeclarationError(
-            "--python", "--fmi and this option ask for different files", "Use one of them"
-        )
-    if out is None:
-        if not endings:
-            remedy = "Give --out FILE or, for a model, --fmi or --python"
-            raise DeclarationError("--out", "the file to write is not specified", remedy)
-        return Path(Path(file).stem + endings[0])
-    if endings and out.suffix.lower() != endings[0]:
-        reason = f"'{out}' does not end in {endings[0]}"
-        raise DeclarationError("--out", reason, f"Use {out.with_suffix(endings[0])}")
-    return out
-
-
-def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
-    from stickslip.sweeps.adaptive import Adaptive
-
-    return Adaptive(tuple(names), contrast) if names else None
-
-
-@contextlib.contextmanager
-def workers_of(
-    address: str | None, local_cluster: bool, processes: bool, workers: int | None
-) -> Iterator[str]:
-    """Who does the work, as the name of a scheduler."""
-    from stickslip.sweeps.work.scheduler import local_cluster as started
-
-    if (address is not None) + local_cluster + processes > 1:
-        reason = "--processes, --scheduler and --local-cluster exclude each other"
-        raise DeclarationError("sweep", reason, "Use one of them")
-    if local_cluster:
-        with started(workers) as found:
-            yield found
-    else:
-        yield address or ("processes" if processes else "threads")
 
 
 @contextlib.contextmanager

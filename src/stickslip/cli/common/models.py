@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from stickslip import catalogue, load
 from stickslip.errors import DeclarationError, short
-from stickslip.model import toml
+from stickslip.model.formats import toml
 from stickslip.model.names import measured_drives
 from stickslip.model.system import DefaultSpan, Drive, Formula, System
 from stickslip.structures.names import is_entry
@@ -134,6 +134,11 @@ def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
                 f"{option} {name}", f"'{value}' is not a number", "Give a number, like 0.8 or 1/3"
             )
     return {name: float(value) for name, value in given.items()}
+
+
+def given(initial: Iterable[str] | None) -> dict[str, float] | None:
+    """Initial values of ``--initial``; None if there are none."""
+    return numbers(assignments(initial or [], "--initial"), "--initial") or None
 
 
 def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]]:

@@ -7,13 +7,15 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
 from stickslip.cli.common.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
 from stickslip.cli.common.folder import PICTURE, add_picture, result_folder
+from stickslip.cli.common.options import Json, Out
 from stickslip.cli.common.report import print_summary, warn, written
 from stickslip.errors import ConvergenceError
 from stickslip.progress import watched
@@ -24,63 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUMMARY = "summary.json"
-
-
-def _systems(begun: str) -> list[str]:
-    """Names that a shell may complete."""
-    from stickslip import catalogue
-
-    return [name for name in catalogue.names() if name.startswith(begun)]
-
-
-Model = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="Name of a catalogue system (see: stickslip list) or a .toml file.",
-        autocompletion=_systems,
-    ),
-]
-ParameterOptions = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Parameter, or a formula for a free function, or a file of samples for a drive, as "
-        "in a=base.csv; may be repeated.",
-    ),
-]
-Initial = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."
-    ),
-]
-Until = Annotated[
-    float | None,
-    typer.Option("--until", metavar="T", help="End of the time span.  [default: the model's]"),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
-]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(
-        "--time-limit",
-        metavar="SECONDS",
-        help="Wall-clock limit; the results so far are kept.",
-    ),
-]
-TimeLimitOfEach = Annotated[
-    float | None,
-    typer.Option(
-        "--time-limit",
-        metavar="SECONDS",
-        help="Processor-time limit of a motion; the others continue.",
-    ),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print only the summary, as JSON.")]
 ShowProgress = Callable[..., None]
 
 
@@ -115,10 +60,18 @@ class Files:
         The file that ``stickslip.open`` reads; none if empty.
     tables : mapping of str to callable
         Files of comma-separated values, and the tables that are in them.
+    folder : str
+        What the default folder is called after the name of the model: ``out/NAME-folder``.
     """
 
     data: str = ""
     tables: Mapping[str, Callable[[Any], pandas.DataFrame]] = field(default_factory=dict)
+    folder: str = ""
+
+    @classmethod
+    def with_table(cls, name: str, folder: str = "") -> Files:
+        """``NAME.nc``, and the table of the result as ``NAME.csv``."""
+        return cls(f"{name}.nc", {f"{name}.csv": attrgetter("table")}, folder or name)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -126,12 +79,20 @@ class Files:
         return (SUMMARY, *([self.data] if self.data else []), *self.tables, PICTURE)
 
 
+@dataclass(frozen=True)
+class ResultOptions:
+    """Where results are written, and how the summary is printed."""
+
+    out: Out = None
+    json_: Json = False
+
+
 def present(
     label: str,
-    folder: Path,
+    name: str,
     files: Files,
     work: Callable[[ShowProgress], Shown],
-    json_: bool,
+    output: ResultOptions,
     heading: Mapping[str, Any] | None = None,
 ) -> NoReturn:
     """Do the work, write its results together, draw them, print them, and end with the exit code
@@ -141,13 +102,14 @@ def present(
     ----------
     label : str
         What is done, beside the bar on a terminal.
+    name : str
+        Of the model: the default folder is called after it.
     work : callable
         Takes what shows progress, returns the result.
-    json_ : bool
-        Whether the summary is printed as JSON.
     heading : mapping, optional
         What the summary says besides: ``title`` and the like of the model file.
     """
+    folder = output.out or folder_of(name, files.folder)
     began = time.perf_counter()
     with result_folder(folder, files.names) as place:
         try:
@@ -167,7 +129,7 @@ def present(
         summary = _timed(result.summary(), heading or {}, time.perf_counter() - began)
         (place / SUMMARY).write_text(summary.to_json() + "\n", encoding="utf-8")
     add_picture(folder, result.plot)
-    print_summary(summary, json_, [("written", written(folder, files.names))])
+    print_summary(summary, output.json_, [("written", written(folder, files.names))])
     for warning in summary.data.get("warnings", ()):
         warn(warning)
     if result.outcome.interrupted:

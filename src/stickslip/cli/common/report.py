@@ -1,4 +1,4 @@
-"""Short tables for people."""
+"""Summaries, lists of written files and warnings on the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _VERDICTS = ("outcome", "certificate")  # rows in green or red
 def print_summary(
     summary: Summary, json_: bool = False, more: Sequence[tuple[str, str]] = ()
 ) -> None:
-    """A summary as JSON and nothing else, or as a table with more rows; what is not good is red."""
+    """Print a summary as JSON and nothing else, or as a table with more rows; bad verdicts are
+    red."""
     if json_:
         typer.echo(summary.to_json())
         return
@@ -36,10 +37,10 @@ def print_summary(
 
 
 def written(folder: Path, files: Iterable[str]) -> str:
-    """Where the results are, and which."""
+    """The folder of the results, and the files in it."""
     return f"{folder}/  {', '.join(name for name in files if (folder / name).exists())}"
 
 
 def warn(text: str) -> None:
-    """What a user should know beside the result."""
+    """A warning on stderr."""
     Console(stderr=True).print(Text(f"warning: {text}", style="yellow"))

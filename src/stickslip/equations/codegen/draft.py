@@ -11,8 +11,16 @@ from stickslip.equations.planes import Plane
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Scalar, Store, added, element, numeral
-from stickslip.symbolic.tape import ORIGIN, Instruction, ParameterExpressions, Scaled, Tape
+from stickslip.symbolic.scalars import (
+    ORIGIN,
+    ParameterExpressions,
+    Scalar,
+    Store,
+    added,
+    element,
+    numeral,
+)
+from stickslip.symbolic.tape import Instruction, Scaled, Tape
 
 if TYPE_CHECKING:
     from stickslip.convex.formula import ConvexFormula

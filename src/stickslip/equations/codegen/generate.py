@@ -42,8 +42,8 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Store
-from stickslip.symbolic.tape import Instruction, rows_made, rows_read, scalars_of
+from stickslip.symbolic.scalars import Store, scalars_of
+from stickslip.symbolic.tape import Instruction, rows_made, rows_read
 
 
 def generate(equations: MotionEquations) -> Generated:

@@ -9,8 +9,8 @@ from dataclasses import replace
 from stickslip.equations.codegen.draft import Draft, order_0
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Scalar
-from stickslip.symbolic.tape import Instruction, Op, scalars_of
+from stickslip.symbolic.scalars import Scalar, scalars_of
+from stickslip.symbolic.tape import Instruction, Op
 
 
 def implicit_rates(draft: Draft) -> dict[str, int]:

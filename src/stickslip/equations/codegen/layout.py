@@ -10,8 +10,8 @@ import numpy as np
 from stickslip.equations.coupling import Component
 from stickslip.kept import cached_property
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Store
-from stickslip.symbolic.tape import Instruction, ParameterExpressions, rows_made
+from stickslip.symbolic.scalars import ParameterExpressions, Store
+from stickslip.symbolic.tape import Instruction, rows_made
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates

@@ -9,8 +9,8 @@ from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
 from stickslip.equations.planes import Plane
 from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.scalars import Scalar, Store, added, element
-from stickslip.symbolic.tape import Instruction, Op, Scaled, scalars_of
+from stickslip.symbolic.scalars import Scalar, Store, added, element, scalars_of
+from stickslip.symbolic.tape import Instruction, Op, Scaled
 
 
 def aimed(draft: Draft, parts: Sequence[list[Scaled]], kind: Kind) -> None:

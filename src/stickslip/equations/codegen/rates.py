@@ -8,8 +8,8 @@ from stickslip.equations.planes import Plane
 from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Scalar, Store, added, by_mode, element, numeral
-from stickslip.symbolic.tape import Instruction, Op, Scaled, scalars_of
+from stickslip.symbolic.scalars import Scalar, Store, added, by_mode, element, numeral, scalars_of
+from stickslip.symbolic.tape import Instruction, Op, Scaled
 
 
 def rate_rows(draft: Draft) -> int:

@@ -13,8 +13,7 @@ from stickslip.equations.native.kernels import reached
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.numerics.levels import ROUNDING
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, Store, numeral
-from stickslip.symbolic.tape import scalars_of
+from stickslip.symbolic.scalars import Scalar, Store, numeral, scalars_of
 from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register, of_type
 from stickslip.translator.values import FunctionType, declared_type
 

@@ -18,8 +18,8 @@ from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
 from stickslip.equations.native.routines import InRegister, Routine, in_register
 from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.scalars import Scalar, Store, element
-from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
+from stickslip.symbolic.scalars import ParameterExpressions, Scalar, Store, element
+from stickslip.symbolic.tape import Instruction, Op, Scaled
 from stickslip.translator.assembly import POINTER, WHOLE, Register, WrongType, of_type
 
 FEWEST_REPETITIONS = 16  # repetitions that a loop is made for: fewer are as quick side by side

@@ -21,7 +21,7 @@ from stickslip.explorer.subject.pixels import seen_times
 from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.work.motion import lines_of, stick_phases
 from stickslip.model.system import System
-from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

@@ -1,4 +1,4 @@
-"""The systems that pages look at, kept for a while: a drag asks for the same one many times."""
+"""The systems and motions of pages, cached: dragging a slider requests the same ones repeatedly."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from stickslip import catalogue
 from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
 from stickslip.explorer.asking.request import PageSetting
+from stickslip.model.formats.toml import parse
 from stickslip.model.system import System
 from stickslip.model.system_file import loads
-from stickslip.model.toml import parse
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
     from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.cycles.cycle import Cycle
 
+_KEPT = 8  # motions
+_MOTIONS: dict[tuple[object, ...], Trajectory] = {}
+
 
 def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
-    """The system that a page looks at, and the parameters that differ from its own.
+    """The system of a page, and the parameters that differ from its own.
 
     Raises
     ------
@@ -75,14 +78,14 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
 
 
 def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
-    """The cycle that the motion of a page settles on.
+    """The cycle to which the motion of a page converges.
 
     Raises
     ------
     StickslipError
         If there is none.
     """
-    from stickslip.orbits.cycles.cycle import find_cycle
+    from stickslip.orbits.cycles.find_cycle import find_cycle
 
     system, numbers = system_of(setting)
     motion = shown_motion(setting, patience)
@@ -90,12 +93,8 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
 
 
 def shown_span(system: System, setting: PageSetting) -> tuple[float, float]:
-    """The time span that a page looks at."""
+    """The time span of a page."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
-
-
-_KEPT = 8
-_MOTIONS: dict[tuple[object, ...], Trajectory] = {}
 
 
 def values_of(system: System, given: Mapping[str, float]) -> dict[str, float]:

@@ -24,8 +24,8 @@ from stickslip.fitting.fit import Fit
 from stickslip.fitting.making import fit
 from stickslip.fitting.problem import Loss
 from stickslip.fitting.unknowns import FreeRange
-from stickslip.model.entries.columns import argument_columns, chosen_columns
 from stickslip.model.entries.samples import Samples
+from stickslip.model.formats.columns import argument_columns, chosen_columns
 from stickslip.model.laws import FrictionLaw, by_name
 from stickslip.model.system import Formula, Internal, LawContact, Parameter, System
 

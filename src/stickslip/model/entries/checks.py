@@ -1,5 +1,5 @@
-"""What formulas of a declaration have to be: quadratic forms, entries of definite matrices,
-differentiable; and by how much they jump."""
+"""Conditions on entries of a declaration: formulas that are quadratic, definite, or differentiable,
+by how much they jump; keys and directions of contacts."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from stickslip.errors import DeclarationError
+from stickslip.model.entries.declared import Contact
 from stickslip.numerics.levels import LEAST_PIVOT, SAME_VALUE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -199,3 +200,79 @@ def size_of_terms(e: Expr, values: Mapping[str, float]) -> float:
     terms = e.terms if e.op == "sum" else [(e, 1.0)]
     constant = abs(float(e.value)) if e.op == "sum" else 0.0
     return constant + sum(abs(c * ex.evaluate(term, values)) for term, c in terms)
+
+
+def check_line(where: str, contact: Contact) -> None:
+    """Refuse keys that only a contact in a plane has."""
+    if contact.dissipation is not None:
+        raise DeclarationError(
+            f"{where}.dissipation",
+            "a contact along a line does not take a dissipation",
+            "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
+        )
+    if isinstance(contact.surface_speed, tuple):
+        raise DeclarationError(
+            f"{where}.surface_speed",
+            "two components were given, but a contact along a line has one",
+            "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
+        )
+    if contact.axes != (1.0, 1.0):
+        raise DeclarationError(
+            f"{where}.axes",
+            "only a contact in a plane has axes",
+            "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
+        )
+
+
+def check_components(where: str, contact: Contact, count: int) -> None:
+    """Refuse keys of a contact in a plane that do not have one entry for each direction."""
+    for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
+        if isinstance(given, tuple):
+            raise DeclarationError(
+                f"{where}.{key}",
+                "a contact in a plane has a single threshold for all directions",
+                "Give one formula; for anisotropic friction add 'axes'",
+            )
+    given = contact.surface_speed
+    if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
+        number = {2: "two", 3: "three"}[count]
+        raise DeclarationError(
+            f"{where}.surface_speed",
+            f"the surface velocity needs {number} components",
+            f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
+            f"{', 0' * (count - 1)}]",
+        )
+    if contact.dissipation is None and len(contact.axes) != count:
+        raise DeclarationError(
+            f"{where}.axes",
+            f"expected {count} half axes, one for each direction, got {len(contact.axes)}",
+            "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
+            "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
+            if count == 3
+            else "Give one for each direction, like [1.0, 0.6]",
+        )
+
+
+def are_parallel(first: Mapping[str, Expr], second: Mapping[str, Expr]) -> bool:
+    """Whether two directions are along one line."""
+    return first.keys() == second.keys() and all(
+        first[x] * second[y] is second[x] * first[y] for x in first for y in first
+    )
+
+
+def are_dependent(directions: Sequence[Mapping[str, Expr]]) -> bool:
+    """Whether directions are linearly dependent, whatever the parameters and the state are."""
+    import numpy as np
+
+    names = sorted({x for direction in directions for x in direction})
+    entries = [[direction.get(x, ex.ZERO) for x in names] for direction in directions]
+    symbols = sorted({x for row in entries for e in row for x in e.symbols})
+    # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
+    # not special.
+    rng = np.random.default_rng(0)
+    place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
+    J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])
+    sizes = np.linalg.norm(J, axis=1)
+    if not (np.isfinite(sizes).all() and sizes.all()):
+        return False
+    return bool(np.linalg.matrix_rank(J / sizes[:, None]) < len(directions))

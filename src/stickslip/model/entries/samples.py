@@ -30,9 +30,9 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
-from stickslip.model.entries.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
 from stickslip.model.entries.units import check_unit
+from stickslip.model.formats.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.numerics.levels import WHOLE_COUNT
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -284,7 +284,7 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
         x = f * moved_on(work, c) + a * n + b * m
         y = g * moved_on(work, o) + b * n + d * m
-        work[SENSE, c], work[SENSE, o], _ = secular_root(a, b, d, x, y)
+        work[SENSE, c], work[SENSE, o], _ = secular_root(a, b, d, x, y, g / f)
         change = max(change, abs(work[SENSE, c] - n) + abs(work[SENSE, o] - m))
     return change > 4.0 * EPSILON
 

@@ -229,7 +229,7 @@ def relax_in_plane(rows: Rows, space: Space, mode: Array, c: int) -> None:
             x, y = (b * q - d * p) / minor, (b * p - a * q) / minor
             slips = 0 if math.hypot(x, y) <= 1.0 else 1
         if slips == 1:
-            n, m, _ = secular_root(a, b, d, p, q)
+            n, m, _ = secular_root(a, b, d, p, q, g / f)
             work[SENSE, c], work[SENSE, o] = n, m
             x, y = -n, -m
     elif slips == 1:

@@ -16,10 +16,8 @@ GAUSS_WEIGHTS = 0.5 * _weights
 
 def _lagrange(x: Array) -> Array:
     """Values of the Lagrange polynomials of the nodes, shape (points, nodes)."""
-    others = [np.delete(GAUSS_NODES, j) for j in range(COUNT)]
-    return np.array(
-        [[np.prod((t - a) / (c - a)) for a, c in zip(others, GAUSS_NODES, strict=True)] for t in x]
-    )
+    others = np.array([np.delete(GAUSS_NODES, j) for j in range(COUNT)])
+    return np.prod((x[:, None, None] - others) / (GAUSS_NODES[:, None] - others), axis=2)
 
 
 def _to_bernstein() -> Array:

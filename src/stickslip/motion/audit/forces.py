@@ -1,13 +1,14 @@
-"""Forces that are not unique: whether some that are admissible explain what rests.
+"""Contact forces at rest that are not unique: whether admissible ones exist.
 
-Where more contacts are closed, or stick, than there are freedoms, a mode has one choice of forces,
-a step one mode, and the law asks for any choice that is admissible. So where the forces of the mode
-are not, others with the same effect are looked for at both ends of a piece
-(:mod:`stickslip.motion.admissible.cones`), well inside the law if that can be. Directions must not
-turn in it; then differences to the forces of the mode that change evenly from end to end have no
-effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
-Contacts of one body that share its forces (:mod:`stickslip.motion.admissible.sharing`) are judged
-together, by the least violation that some forces have.
+If more contacts are closed, or stick, than there are degrees of freedom, their forces are not
+unique. A mode computes one choice, but the law requires only that some choice is admissible. If
+those of the mode are not, others with the same effect are sought at both ends of a piece
+(:mod:`stickslip.motion.admissible.cones`), well inside the bounds of the law if possible. The
+directions must be constant on the piece: then differences Δ to the forces of the mode that are
+linear in time have no effect, JᵀΔ = 0, and the law is checked between the nodes as it is for the
+forces of the mode. Contacts of one body that share its forces
+(:mod:`stickslip.motion.admissible.sharing`) are judged together, by the smallest violation over
+all choices of forces.
 """
 
 from __future__ import annotations
@@ -95,12 +96,12 @@ from stickslip.motion.steps.step_size import fill_powers
 from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
-# In the row RESTS, what others than the force of the mode, which is 0 there, stand for: what is
-# closed or sticks in the mode; what rests though it is open, or loose, in it; what rubs.
+# Entries of the row RESTS: a contact that is closed or sticks in the mode (HOLDS); one that rests
+# although it is open or loose in the mode (TOUCHES); one that slides (RUBS). Others are 0.
 HOLDS, TOUCHES, RUBS = 1, 2, -1
-_SAME = 1e-11  # part of its size by which what has to be the same may differ
-_LITTLE = 1.5e-9  # part of its bounds below which there is no room
-_INSIDE = 4  # trials: how far from the bounds of the law forces have to be
+_SAME = 1e-11  # relative difference of quantities that have to be the same
+_LITTLE = 1.5e-9  # fraction of the bounds below which there is no margin
+_INSIDE = 4  # trials, with smaller and smaller margins from the bounds of the law
 
 
 @compiled(brief=True)

@@ -39,9 +39,11 @@ def read_formula(system: System, text: str, where: str) -> Expr:
     declared = system.declaration
     scope, bare = declared.results, text.strip()
     if NAME.fullmatch(bare) and bare not in {*scope.names, *scope.definitions, *scope.forbidden}:
-        known = [*system.followed, *sorted(declared.published), *scope.definitions]
-        reason = f"unknown quantity '{short(bare)}'"
-        raise DeclarationError(where, reason, suggestion(bare, dict.fromkeys(known)))
+        quantities = [*system.followed, *system.unknowns, *sorted(declared.published)]
+        known = suggestion(
+            bare, [*quantities, *scope.definitions], accepts=lambda x: scope.parse(x, where)
+        )
+        raise DeclarationError(where, f"unknown quantity '{short(bare)}'", known)
     return scope.parse(text, where)
 
 

@@ -75,6 +75,7 @@ PART, SEAT = range(2)
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
+AIMS = 15  # rows of Space.aims for each plane; see stickslip.motion.steps.response
 # Columns of Rows.planes: the first direction, the first row of the direction of its slip (the
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
@@ -701,7 +702,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
-        aims=z((14 * len(rows.planes), N + 1)),
+        aims=z((AIMS * len(rows.planes), N + 1)),
         facing=z((PER_FACE * len(rows.planes), 5)),
         basis=z((several, nq)),
         grip=z((mq if sharing else 0, nq)),

@@ -15,14 +15,17 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     AIM_SPEED,
+    AIMS,
     BENDS,
     FEWEST_ORDERS,
     FORMULA,
+    LEAD,
     OK,
     Flow,
     Instant,
     Machine,
     Rows,
+    directions_of,
     plain_coefficients,
 )
 from stickslip.motion.steps.sets import width_of
@@ -33,9 +36,8 @@ from stickslip.translator import compiled
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
 # what is solved for (two rows), the order p, what else is kept for a while, and what of the
 # velocity is not in Z V (two rows); then the direction and the right-hand side of the third part
-# of a face (:mod:`stickslip.motion.steps.face_onset`).
-AIMS = 14
-N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
+# of a face (:mod:`stickslip.motion.steps.face_onset`), and both half axes, in columns 0 and 1.
+N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ, AXES = range(14)
 _ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 
 
@@ -127,6 +129,8 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
                 aims[r, k] = 0.0
         if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
             aims[r, 0] = 1.0  # a gradient has no value at 0
+        if r % AIMS == AXES:
+            aims[r, 0] = aims[r, 1] = 1.0
     for probe in range(-1, 2 * planes):
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
@@ -141,6 +145,9 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         for p in range(planes):
             for i in range(2):
                 rate = table[rows.planes[p, AHEAD + i], 1]
+                plain = table[rows.u[directions_of(rows, rows.planes[p, LEAD])[i]], 1]
+                if plain != 0.0 and rate != 0.0:
+                    aims[AIMS * p + AXES, i] = rate / plain
                 if probe < 0:
                     aims[AIMS * p + BX + i, 0] = rate
                 else:

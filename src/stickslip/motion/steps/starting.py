@@ -21,10 +21,12 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.series import SINGULAR
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     AIM_SPEED,
+    AIMS,
     DIMENSION,
     FEWEST_ORDERS,
     FORMULA,
@@ -49,7 +51,7 @@ from stickslip.motion.steps.onset import (
     forget_orders,
 )
 from stickslip.motion.steps.response import (
-    AIMS,
+    AXES,
     BX,
     BY,
     LEADING,
@@ -309,6 +311,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
                 if begins_as_face(flow, p):
                     aim_face_order(flow, p, m)
         m += 1
+    if m >= MOST_LEADING and all_begin(flow) and not all_lead(flow):
+        return SINGULAR  # the force leaves its set too slowly for its direction to be known
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
@@ -323,6 +327,15 @@ def all_begin(flow: Flow) -> bool:
         if starts and flow.space.aims[AIMS * p + RHO, 0] < 0.0:
             return False
     return True
+
+
+@compiled()
+def all_lead(flow: Flow) -> bool:
+    """Whether the order of |Au| of all slips that begin is known."""
+    found = True
+    for p in range(len(flow.rows.planes)):
+        found = found and flow.space.aims[AIMS * p + LEADING, 0] != 0.0
+    return found
 
 
 @compiled()
@@ -391,6 +404,7 @@ def aim_first(flow: Flow) -> None:
                 -answer[2 * p + 1, 2 * p + 1],
                 x,
                 y,
+                aims[base + AXES, 1] / aims[base + AXES, 0],
             )
             change = max(change, abs(n - aims[base + N_, 0]) + abs(m - aims[base + M_, 0]))
             aims[base + N_, 0], aims[base + M_, 0] = n, m
@@ -517,7 +531,9 @@ def angle_between(
 
 
 @compiled()
-def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
+def secular_root(
+    a: float, b: float, c: float, x: float, y: float, wide: float
+) -> tuple[float, float, float]:
     """The unit vector n and the number ρ with (ρ + D) n = (x, y), D = [[a, b], [b, c]] positive
     definite, or of rank 1 with (x, y) in its image: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1.
 
@@ -525,6 +541,8 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
     ----------
     a, b, c : float
         Entries of D.
+    wide : float
+        The second half axis divided by the first one: the rank is that of D without the axes.
 
     Returns
     -------
@@ -532,36 +550,51 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
         Both components, and ρ behind them.
     """
     middle = 0.5 * (a + c)
-    spread = math.hypot(0.5 * (a - c), b)
-    low, high = middle - spread, middle + spread
-    angle = 0.5 * math.atan2(2.0 * b, a - c)
-    cosine, sine = math.cos(angle), math.sin(angle)
-    u, v = cosine * x + sine * y, cosine * y - sine * x  # along the axes of D, high first
+    high = middle + math.hypot(0.5 * (a - c), b)
+    minor = a * c - b * b
+    low = minor / high if high > 0.0 else 0.0
     size = math.hypot(x, y)
     if not size > 0.0:
         return 1.0, 0.0, -low
-    if spread <= 4.0 * EPSILON * middle:
-        return x / size, y / size, size - middle
-    if abs(v) <= _RANK_ONE * size and low <= _RANK_ONE * middle:
-        # It moves in one direction alone: across, both sides are rounding errors.
-        side = math.copysign(1.0, u)
-        return side * cosine, side * sine, abs(u) - high
+    # What is zero in (x, y) and D stays zero in n: no axes of D are computed.
+    if moves_along_one(a, b, c, x, y, wide):
+        n, m = (a, b) if a * abs(wide) >= abs(b) else (b, c)
+        side = math.copysign(math.hypot(n, m), n * x + m * y)
+        n, m = n / side, m / side
+        return n, m, n * x + m * y - 2.0 * middle
     # 1/|(ρ + D)⁻¹(x, y)| is increasing and concave: Newton's method from the right stays there.
     rho = size - low
     for _ in range(_MOST_TURNS):
-        p, q = u / (rho + high), v / (rho + low)
-        length = math.hypot(p, q)
-        slope = (p * p / (rho + high) + q * q / (rho + low)) / length**3
+        n, m = solved(a, b, c, rho, x, y)
+        length = math.hypot(n, m)
+        p, q = solved(a, b, c, rho, n, m)
+        slope = (n * p + m * q) / length**3
         step = (1.0 / length - 1.0) / slope
         after = max(rho - step, -low + 1e-3 * (rho + low))
         if abs(after - rho) <= 2.0 * EPSILON * (abs(rho) + middle):
             rho = after
             break
         rho = after
-    p, q = u / (rho + high), v / (rho + low)
-    length = math.hypot(p, q)
-    p, q = p / length, q / length
-    return cosine * p - sine * q, sine * p + cosine * q, rho
+    n, m = solved(a, b, c, rho, x, y)
+    length = math.hypot(n, m)
+    return n / length, m / length, rho
+
+
+@compiled(inline=True)
+def solved(a: float, b: float, c: float, rho: float, x: float, y: float) -> tuple[float, float]:
+    """(ρ + D)⁻¹(x, y) by Cramer's rule."""
+    minor = (rho + a) * (rho + c) - b * b
+    return ((rho + c) * x - b * y) / minor, ((rho + a) * y - b * x) / minor
+
+
+@compiled()
+def moves_along_one(a: float, b: float, c: float, x: float, y: float, wide: float) -> bool:
+    """Whether D, without the axes, has rank 1 and (x, y) is in its image."""
+    b, c, y = b / wide, c / (wide * wide), y / wide
+    if not a * c - b * b <= _RANK_ONE * (a + c) * (a + c):
+        return False
+    n, m = (a, b) if a >= c else (b, c)
+    return abs(n * y - m * x) <= _RANK_ONE * math.hypot(n, m) * math.hypot(x, y)
 
 
 @compiled()

@@ -14,21 +14,17 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.branches.halving import half_gap
-from stickslip.orbits.continuation.arclength import Outgrown, correct, curve_between
+from stickslip.orbits.continuation.arclength import Outgrown, curve_between
+from stickslip.orbits.continuation.corrector import correct
 from stickslip.orbits.continuation.path import Point, Test
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
+from stickslip.orbits.return_map.following import flies, follow_state
 from stickslip.orbits.return_map.held import Held, held_positions, same_held
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
-from stickslip.orbits.return_map.shooting import (
-    Orbit,
-    Shooting,
-    flies,
-    follow_state,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

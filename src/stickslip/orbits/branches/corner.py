@@ -23,9 +23,10 @@ from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
-from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, correct, direction
+from stickslip.orbits.continuation.arclength import direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.continuation.corrector import NOT_DEFINED, Lost, correct
 from stickslip.orbits.continuation.path import Point
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.return_map.damped_newton import CLOSED

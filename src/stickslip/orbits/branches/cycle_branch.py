@@ -31,19 +31,16 @@ from stickslip.orbits.branches.chart import (
     renewed,
 )
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
+from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
-    TWICE,
     Happening,
-    Spacing,
     critical,
-    dataset,
     happening_at,
     is_flat,
     locate_changes,
-    of_branch,
     vanishes_at,
 )
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special

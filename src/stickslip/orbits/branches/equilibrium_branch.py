@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import combinations, groupby
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,10 +20,12 @@ from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import NEARLY_SOLVED, RANK, ROUNDED_SUM
 from stickslip.numerics.ratios import ratio
-from stickslip.orbits.continuation.arclength import Lost
+from stickslip.orbits.branches.equilibria_along import Station, dataset
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
+from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
@@ -45,32 +47,24 @@ from stickslip.orbits.continuation.path import (
 )
 from stickslip.orbits.equilibria.candidates import autonomous
 from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
-from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
-from stickslip.orbits.equilibria.finding import checked_values, equilibria
+from stickslip.orbits.equilibria.equilibrium import Equilibrium, describe_guard
+from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
 from stickslip.orbits.fields.steady import (
     Array,
     ResidualFunction,
     Steady,
     invariant_directions,
-    rightmost_first,
 )
 from stickslip.stopping.scopes import limited
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 _STEPS = StepControl(first=0.005, largest=0.02)
 _MOST_PIECES = 50
 _REAL = 1e-8  # imaginary part, relative to an eigenvalue, that is rounding: √ε where two meet
-_STABLE = {
-    "flag_values": np.array([-1, 0, 1], np.int8),
-    "flag_meanings": "undecided unstable stable",
-}
-_MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
-_ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
-_DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 
 @validated
@@ -215,21 +209,6 @@ class _Piece:
     certified: list[tuple[Certificate, float]]
 
 
-@dataclass(frozen=True)
-class _Station:
-    """A point of the branch with the problem it solves, the test functions that vanish there, what
-    comes after, the largest values of those that end the part in its mode, and where the next part
-    begins."""
-
-    steady: Steady
-    point: Point
-    kinds: tuple[Test, ...]
-    note: str
-    certified: tuple[Certificate, float]
-    largest: Mapping[Test, float]
-    onward: Array | None = None
-
-
 class _Follower:
     def __init__(
         self,
@@ -369,6 +348,7 @@ class _Follower:
         F, J = other.residual(self.parameter)(end.x)
         size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
         rows = ratio(J, np.max(np.abs(J), axis=1, keepdims=True))
+        # The null vector of the Jacobian is the tangent of the equilibria in the other field.
         s, v = np.linalg.svd(rows)[1:]
         if not (np.all(np.abs(F) <= NEARLY_SOLVED * size) and s[-1] > RANK * s[0]):
             return None
@@ -412,7 +392,7 @@ class _Follower:
             system,
             dict(self.values),
             self.parameter,
-            lambda: self._dataset(system, stations, certified),
+            lambda: dataset(system, self.parameter, self.contacts, stations),
             special,
             ends,
             with_special(certificate, special),
@@ -427,8 +407,8 @@ class _Follower:
         text = f"boundary equilibrium at {where}: {what}"
         return piece.path.ended._replace(text=text)
 
-    def _stations(self, pieces: list[_Piece]) -> list[_Station]:
-        found: list[_Station] = []
+    def _stations(self, pieces: list[_Piece]) -> list[Station]:
+        found: list[Station] = []
         for k, piece in enumerate(pieces):
             kinds: dict[int, list[Test]] = {}
             for crossing in piece.path.crossings:
@@ -446,7 +426,7 @@ class _Follower:
                 ):
                     names.remove("fold")  # where branches cross, one of them may turn
                 found.append(
-                    _Station(
+                    Station(
                         piece.steady,
                         point,
                         tuple(names),
@@ -468,7 +448,7 @@ class _Follower:
         turned = piece.path.points[-1].tangent[-1] * onward[0].path.points[0].tangent[-1] < 0.0
         return f"{text}; the branch " + ("turns back" if turned else "continues")
 
-    def _special(self, station: _Station, test: Test, index: int) -> list[SpecialPoint]:
+    def _special(self, station: Station, test: Test, index: int) -> list[SpecialPoint]:
         """What a zero of a test function is; nothing, if its meaning is another."""
         steady = station.steady
         x = station.point.x
@@ -504,7 +484,7 @@ class _Follower:
         return [SpecialPoint(kind, self.parameter, value, *place, period, data, note, tuple(own))]
 
     @staticmethod
-    def _boundary(station: _Station, guard: int) -> list[Residual]:
+    def _boundary(station: Station, guard: int) -> list[Residual]:
         """What is left of the guard that vanishes at a boundary equilibrium, and how far from there
         the branch goes on."""
         left, most = abs(station.point.tests[guard]), station.largest[guard]
@@ -532,6 +512,7 @@ class _Follower:
             equations, [*names, *(str(u.value) for u in w), str(b.value)], steady.values
         )
         _, slopes = steady.residual(self.parameter)(x)
+        # w starts as the left singular vector of ∂F with the least singular value, b as 0.
         z: Array = np.concatenate([x, np.linalg.svd(slopes)[0][:, -1], [0.0]])
         units = self._scale(x, steady.units(x, {self.parameter: self.span}))
         for _ in range(20):
@@ -542,91 +523,14 @@ class _Follower:
             return x, math.inf
         values, slopes = residual(z)
         terms = np.abs(slopes) @ np.concatenate([units, np.ones(n), [0.0]]) + np.abs(values)
+        # At a branch point b = 0.
         left = np.append(np.abs(values) / np.where(terms > 0.0, terms, 1.0), abs(z[-1]))
         return z[: n + 1], float(np.max(left))
-
-    def _dataset(
-        self, system: System, stations: list[_Station], certified: list[tuple[Certificate, float]]
-    ) -> xarray.Dataset:
-        """Parameter, state, eigenvalues, stability, modes, drift and certificate of every point."""
-        import xarray as xr
-
-        from stickslip.model.quantities import contact_key
-
-        points = [self._point(s.steady, s.point.x) for s in stations]
-        spectra = [each for part in _by_steady(stations) for each in self._spectra(part)]
-        drifts = np.array([s.steady.drift(p) for s, p in zip(stations, points, strict=True)])
-        margin, defect = self._certificates(stations, points)
-        errors = np.array([error for _, error in certified])
-        most = max(map(len, spectra))
-        padded: Array = np.array(
-            [np.pad(e, (0, most - len(e)), constant_values=np.nan) for e in spectra]
-        )
-        verdict = {True: 1, False: 0, None: -1}
-        state = system.declaration.state
-        data = {self.parameter: ("point", np.array([s.point.x[-1] for s in stations]))}
-        data |= {
-            name: ("point", np.array([s.point.x[i] for s in stations]))
-            for i, name in enumerate(state)
-        }
-        data |= {
-            "stable": (
-                "point",
-                np.array(
-                    [
-                        verdict[decays(tuple(e), error)]
-                        for e, error in zip(spectra, errors, strict=True)
-                    ],
-                    np.int8,
-                ),
-                _STABLE,
-            ),
-            "eigenvalue_real": (("point", "eigenvalue"), padded.real),
-            "eigenvalue_imag": (("point", "eigenvalue"), padded.imag),
-            "margin": ("point", margin, _MARGIN),
-            "defect": ("point", defect, _DEFECT),
-            "eigenvalue_error": ("point", errors, _ERROR),
-            "certified": ("point", np.array([found.ok for found, _ in certified], np.int8)),
-        }
-        for i, name in enumerate(self.contacts):
-            data[f"mode_{contact_key(name)}"] = (
-                "point",
-                np.array([s.steady.field.mode[i] for s in stations], np.int8),
-            )
-        for i in np.flatnonzero(np.any(drifts != 0.0, axis=0)):
-            data[f"drift_{state[i]}"] = ("point", drifts[:, i])
-        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "equilibria"})
-
-    def _spectra(self, stations: list[_Station]) -> Array:
-        """Eigenvalues at stations in one mode, the rightmost first, shape (stations,
-        eigenvalues)."""
-        steady = stations[0].steady
-        points = np.array([self._point(steady, s.point.x) for s in stations]).T
-        return rightmost_first(np.linalg.eigvals(steady.linearisations(points)))
-
-    @staticmethod
-    def _certificates(stations: list[_Station], points: list[Array]) -> tuple[Array, Array]:
-        """Least guard, and violation of the equations, of every point."""
-        margin, defect = np.ones(len(points)), np.zeros(len(points))
-        pieces: dict[int, list[int]] = {}
-        for i, station in enumerate(stations):
-            pieces.setdefault(id(station.steady), []).append(i)
-        every = np.array(points).T
-        for members in pieces.values():
-            sizes = stations[members[0]].steady.sizes(every[:, members], every)
-            margin[members] = np.min(sizes.margins, axis=1, initial=1.0)
-            defect[members] = sizes.defect
-        return margin, defect
 
 
 @cache
 def _pairs(count: int) -> tuple[Array, Array]:
     return np.triu_indices(count, 1)
-
-
-def _by_steady(stations: list[_Station]) -> list[list[_Station]]:
-    """Stations that follow each other in one mode."""
-    return [list(part) for _, part in groupby(stations, key=lambda station: id(station.steady))]
 
 
 def _solved(found: Certificate) -> bool:

@@ -23,10 +23,11 @@ from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
-from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
+from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
@@ -46,7 +47,6 @@ from stickslip.orbits.continuation.path import (
 from stickslip.orbits.equilibria.candidates import autonomous
 from stickslip.orbits.equilibria.certificate import SOLVED, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import describe_guard
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.equilibria.normal_form import Derivatives, critical_pair, hopf
 from stickslip.orbits.fields.steady import Array, ResidualFunction, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex

@@ -27,11 +27,11 @@ from stickslip.orbits.branches.chart import (
     first_chart,
     renewed,
 )
+from stickslip.orbits.branches.cycles_along import Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
-from stickslip.orbits.branches.special_points import Spacing, dataset, of_branch
-from stickslip.orbits.continuation.arclength import NOT_DEFINED
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.corrector import NOT_DEFINED
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
@@ -45,8 +45,9 @@ from stickslip.orbits.continuation.path import Ending, Path, Point, StepControl,
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, near
+from stickslip.orbits.return_map.following import follow_state
 from stickslip.orbits.return_map.recurrence import Recurrence, window
-from stickslip.orbits.return_map.shooting import Orbit, follow_state, with_value
+from stickslip.orbits.return_map.shooting import Orbit, with_value
 
 if TYPE_CHECKING:
     pass

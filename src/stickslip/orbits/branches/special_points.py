@@ -1,35 +1,31 @@
-"""What happens on a branch of cycles: where the sequence of modes changes, and the table of the
-points."""
+"""What happens on a branch of cycles: where the sequence of modes changes, and how well special
+points are located."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.certificates import Certificate, Residual, worst
-from stickslip.model.quantities import contact_key, described, quantity
+from stickslip.certificates import Residual
 from stickslip.numerics.levels import BRACKET_LOOKS
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.branches.onset import nearest_onset
-from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, direction
+from stickslip.orbits.continuation.arclength import direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
-from stickslip.orbits.continuation.path import Break, Crossing, Path, Point, in_range, ranges
+from stickslip.orbits.continuation.corrector import NOT_DEFINED, Lost
+from stickslip.orbits.continuation.path import Break, Crossing, Path, Point
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 
 if TYPE_CHECKING:
-    import xarray
-
-    from stickslip.model.system import System
-    from stickslip.orbits.cycles.cycle import Cycle
+    pass
 
 
 # a located multiplier or slope is this close to its critical value, else it jumps there
@@ -50,22 +46,6 @@ _TURNS = 1e-8
 _AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
 _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
-APART = 0.3  # neighbours on a branch are at most so far from each other …
-TWICE = 1e-10  # … and at least so far: nearer ones are one
-_STEP = {
-    "long_name": "distance from the previous point: largest change of parameter, period and "
-    "ranges, relative to those of the branch"
-}
-_MEANINGS = {
-    "period": "period",
-    "stick_time": "time in which all contacts stick",
-    "slip_time": "time in which a contact slips",
-    "dissipated": "energy dissipated per period",
-    "supplied": "energy supplied per period",
-    "drift": "shift per period",
-    "energy_per_distance": "mean friction (energy per distance)",
-}
-_STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
 @dataclass(frozen=True)
@@ -427,188 +407,3 @@ def turning(before: float, beyond: float) -> Residual:
     """Whether the parameter turns back at a corner, from its slopes on both sides."""
     turns = -math.copysign(min(abs(before), abs(beyond)), before * beyond)
     return Residual("turn of the parameter", turns, SOLVED_TO, least=True)
-
-
-class Spacing:
-    """How far cycles of a branch are from each other: the largest change of parameters, period and
-    ranges of the state.
-
-    Parameters are measured in their ranges, ranges of the state in the largest modulus of their
-    component up to now.
-
-    Parameters
-    ----------
-    modulus : array, shape (n,)
-        Size of each component of the state.
-    """
-
-    def __init__(self, spans: Mapping[str, tuple[float, float]], modulus: Array) -> None:
-        self.spans = spans
-        self.largest: Array = modulus.copy()
-
-    def __call__(self, a: Cycle, b: Cycle) -> float:
-        widths = []
-        for cycle in (a, b):
-            low, high = cycle.ranges.T
-            self.largest = np.maximum(self.largest, np.maximum(np.abs(low), np.abs(high)))
-            widths.append(high - low)
-        parts = [
-            (b.parameters[x] - a.parameters[x]) / (high - low)
-            for x, (low, high) in self.spans.items()
-        ]
-        grown = np.abs((widths[1] - widths[0]) / self.largest)
-        return max(float(grown.max()), abs(math.log(b.period / a.period)), *map(abs, parts))
-
-    def check(self, last: Cycle, new: Cycle) -> None:
-        """See that a cycle is certified and next to the one before.
-
-        Raises
-        ------
-        Lost
-            If it is not.
-        """
-        if not new.certificate.ok:
-            raise Lost(f"the next cycle is {new.certificate.verdict}")
-        if not self(last, new) <= APART:
-            raise Lost("the next cycle is a different one")
-
-
-def of_branch(
-    cycles: list[Cycle], spans: Mapping[str, tuple[float, float]], steps: Array
-) -> Certificate:
-    """The certificate of a branch: that of its cycles, all in range, neighbours next to each other
-    and none twice.
-
-    Parameters
-    ----------
-    spans : mapping of str to (float, float)
-        The range of each parameter.
-    steps : array
-        Distance of each cycle from the one before; that of the first says nothing.
-    """
-    own = [
-        in_range(
-            ranges(spans),
-            [np.array([cycle.parameters[name] for name in spans]) for cycle in cycles],
-        ),
-        Residual("largest step", float(np.max(steps[1:], initial=0.0)), APART),
-        *(
-            [Residual("smallest step", float(np.min(steps[1:])), TWICE, least=True)]
-            if len(steps) > 1
-            else []
-        ),
-    ]
-    found = worst([cycle.certificate for cycle in cycles])
-    return replace(found, residuals=(*found.residuals, *own))
-
-
-def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xarray.Dataset:
-    """Parameters, period, extremes, multipliers, stability, stick and slip, forces, drift,
-    certificate and distance from the one before of every point; of driven cycles the first harmonic
-    of every coordinate."""
-    import xarray as xr
-
-    system = cycles[0].system
-    multipliers: Any = np.array([c.multipliers for c in cycles])
-    time, energy, speed = (cycles[0].units[kind] for kind in ("time", "energy", "speed"))
-    units = {
-        **dict.fromkeys(("period", "time", "stick_time", "slip_time"), time),
-        **dict.fromkeys(("dissipated", "supplied"), energy),
-        "drift": cycles[0].units["drift"],
-        "speed": speed,
-        "energy_per_distance": cycles[0].units["energy_per_distance"],
-    }
-
-    drifts = all(c.drift for c in cycles)
-
-    def column(name: str, values: Iterable[float], **attributes: str) -> tuple[str, Array, dict]:
-        unit = {"units": units[name]} if name in units else {}
-        return "point", np.array([*values], dtype=float), unit | attributes
-
-    def measured(name: str) -> tuple[str, Array, dict]:
-        said = {"long_name": _MEANINGS[name]} if name in _MEANINGS else {}
-        return column(name, (getattr(c, name) for c in cycles), **said)
-
-    data: dict = {
-        name: column(name, (c.parameters[name] for c in cycles), **quantity(system, name))
-        for name in parameters
-    }
-    data |= {name: measured(name) for name in ("period", "time")}
-    for name in system.declaration.state:
-        what = quantity(system, name)
-        data[name] = column(name, (c.state[name] for c in cycles), **what)
-        if name in cycles[0]._visible_extrema:
-            ends = np.array([c._visible_extrema[name] for c in cycles])
-            data[f"min_{name}"] = column(name, ends[:, 0], **what)
-            data[f"max_{name}"] = column(name, ends[:, 1], **what)
-    for name in system.followed:
-        half = (0.5 * float(np.ptp(c._visible_extrema[name])) for c in cycles)
-        data[f"amplitude_{name}"] = column(name, half, **described(system, f"amplitude:{name}"))
-    if cycles[0].closed.shooting.symmetry.driven:
-        data |= _harmonics(system, cycles)
-    data |= {
-        "stable": (
-            "point",
-            np.array([-1 if c.neutral else int(c.stable) for c in cycles], np.int8),
-            _STABLE,
-        ),
-        "multiplier_real": (("point", "multiplier"), multipliers.real),
-        "multiplier_imag": (("point", "multiplier"), multipliers.imag),
-        "differentiable": ("point", np.array([c.differentiable for c in cycles], np.int8)),
-        "sticks": ("point", np.array([c.sticks for c in cycles], np.int8)),
-        "phases": ("point", np.array([len(c.phases) for c in cycles])),
-        **{
-            name: measured(name)
-            for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")
-        },
-        **({"energy_per_distance": measured("energy_per_distance")} if drifts else {}),
-        "residual": measured("residual"),
-        "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
-        "step": ("point", steps, _STEP),
-    }
-    if any(c.drift for c in cycles):
-        data["energy_per_distance"] = measured("energy_per_distance")
-    equations = cycles[0].trajectory._problem.compiled.equations
-    for i, contact in enumerate(equations.contacts):
-        if contact.plane > 1 or contact.side_of:
-            continue  # what is said of the first component is said of both
-        peaks = [c._sums.peak[i] for c in cycles]
-        if contact.opens:
-            what = quantity(system, contact.name)
-            what = {**what, "long_name": f"largest {what.get('long_name', contact.name)}"}
-            data[f"peak_{contact.name}"] = column("", peaks, **what)
-        else:
-            name = equations.labels[i]
-            key = contact_key(name)
-            force = described(system, f"peak_force:{name}")
-            data[f"peak_force_{key}"] = column("", peaks, **force)
-    for name in cycles[0].contacts:
-        key = contact_key(name)
-        times = {"stick_time": f"time in which {name} sticks"}
-        if name in system.unilateral:
-            times["open_time"] = f"time in which {name} is open"
-        for part, said in times.items():
-            lasted = (getattr(c.contacts[name], part) for c in cycles)
-            data[f"{part}_{key}"] = column("", lasted, units=time, long_name=said)
-    return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})
-
-
-def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
-    """Modulus and phase of the first harmonic of every coordinate of driven cycles, and how well
-    they are known."""
-    data: dict[str, Any] = {}
-    for name in system.followed:
-        c = np.array([cycle.harmonic[name] for cycle in cycles])
-        what = quantity(system, name)
-        text = f"first harmonic of {what['long_name']}"
-        data[f"harmonic_{name}"] = "point", np.abs(c), {**what, "long_name": text}
-        phase = {"units": "rad", "long_name": f"phase of the {text}"}
-        data[f"phase_{name}"] = "point", np.angle(c), phase
-        if all(name in cycle.relative_phase for cycle in cycles):
-            own = np.unwrap([cycle.relative_phase[name] for cycle in cycles])
-            meaning = {**phase, "long_name": f"{phase['long_name']}, relative to the drive"}
-            data[f"relative_phase_{name}"] = "point", own, meaning
-    for name, ending in {"": "", **{name: f"_{name}" for name in system.outputs}}.items():
-        errors = np.array([c._harmonics[1][name] for c in cycles])
-        data[f"harmonics_error{ending}"] = "point", errors
-    return data

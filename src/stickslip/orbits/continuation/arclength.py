@@ -24,6 +24,14 @@ from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.continuation.bracket import zero_between
+from stickslip.orbits.continuation.corrector import (
+    NOT_DEFINED,
+    FunctionAndJacobian,
+    Lost,
+    correct,
+    correct_at,
+    length_of,
+)
 from stickslip.orbits.continuation.path import (
     INTERRUPTED,
     TIME_UP,
@@ -40,13 +48,10 @@ from stickslip.orbits.continuation.path import (
 )
 from stickslip.stopping.scopes import TimeUp, heed
 
-FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Accept = Callable[["Point", "Point"], None]
 Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
 _BRIDGE = 1e-4  # longest step over which the orientation of the curve may change
-NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
-"""What the equations may raise where they are not defined; the step is then shortened."""
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
 # a test function that is this small, relative to its values at the ends of a step, is zero, …
 _ZERO = 1e-13
@@ -64,125 +69,8 @@ class _Found(Exception):
     """A zero is known as well as it can be."""
 
 
-class Lost(Exception):
-    """The corrector does not converge; the message says why."""
-
-
 class Outgrown(StickslipError):
     """The unknowns no longer suit the curve: it goes on in others."""
-
-
-def correct(
-    equations: FunctionAndJacobian,
-    guess: Array,
-    scale: Array,
-    tangent: Array,
-    tolerance: float,
-    start: Array | None = None,
-    rounding: float = 0.0,
-    left: float = math.inf,
-) -> Array:
-    """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
-
-    Parameters
-    ----------
-    equations : callable
-        x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
-    guess, scale, tangent : array, shape (n,)
-        Where to start, units of the unknowns, and a direction in these units.
-    tolerance : float
-        Of the last step, in the norm of these units.
-    start : array, shape (n,), optional
-        Where to start, if that is known better.
-    rounding : float
-        A step that would be shorter than this is not taken: the equations are known where it
-        starts.
-    left : float
-        Steps are taken as long as they shrink and the norm of F is larger than this: near a
-        singularity a short step may leave much.
-
-    Returns
-    -------
-    array, shape (n,)
-
-    Raises
-    ------
-    Lost
-        If it does not converge.
-    """
-    x = guess if start is None else start
-    settled = None
-    matrix = np.empty((len(guess), len(guess)))
-    matrix[-1] = tangent
-    right = np.empty(len(guess))
-    last = np.inf
-    for _ in range(12):
-        try:
-            right[:-1], J = equations(x)
-            np.multiply(J, scale, out=matrix[:-1])
-            right[-1] = tangent @ ((x - guess) / scale)
-            if settled is not None and _length(right[:-1]) <= left:
-                return settled
-            dz = np.linalg.solve(matrix, right)
-        except NOT_DEFINED as problem:
-            if settled is not None:
-                return settled
-            raise Lost(str(problem)) from None
-        size = _length(dz)
-        if size <= rounding:
-            return x
-        if not size <= (2.0 if settled is None else _SHRINKS) * last:
-            break
-        x = x - scale * dz
-        last = size
-        if size <= tolerance:
-            if left == math.inf:
-                return x
-            settled = x
-    if settled is not None:
-        return settled
-    raise Lost("Newton's method does not converge")
-
-
-def correct_at(
-    equations: FunctionAndJacobian,
-    guess: Array,
-    scale: Array,
-    component: int,
-    value: float,
-    tolerance: float,
-) -> Array:
-    """Newton's method on F(x) = 0 with one component of x at a given value, exactly.
-
-    Parameters
-    ----------
-    equations : callable
-        x ↦ F(x) and its Jacobian, shapes (n − 1,) and (n − 1, n).
-    guess, scale : array, shape (n,)
-        Where to start, and units of the unknowns.
-    value : float
-        What this component is.
-    tolerance : float
-        Of the last step, in the norm of these units.
-
-    Returns
-    -------
-    array, shape (n,)
-
-    Raises
-    ------
-    Lost
-        If it does not converge.
-    """
-
-    def kept(x: Array) -> Array:
-        x = x.copy()
-        x[component] = value
-        return x
-
-    along = np.zeros(len(guess))
-    along[component] = 1.0
-    return kept(correct(lambda x: equations(kept(x)), kept(guess), scale, along, tolerance))
 
 
 def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float) -> Array:
@@ -217,6 +105,7 @@ def direction(
     rows[:] = ratio(rows, np.abs(rows).max(axis=1, keepdims=True))
     tangent = np.linalg.svd(rows)[2][-1]
     tangent = tangent if tangent @ towards >= 0.0 else -tangent
+    # The orientation is the sign of the determinant of the Jacobian bordered by the tangent.
     matrix[-1] = tangent
     return tangent, float(np.linalg.slogdet(matrix)[0])
 
@@ -382,7 +271,7 @@ class _Tracer:
         straight = last.x + units * tangent * along
         offset = float(tangent @ ((near[0].x - last.x) / units))
         bent = curve_between(*near, units, tangent, along - offset)
-        close = _length((bent - straight) / units) <= self.steps.turn * along
+        close = length_of((bent - straight) / units) <= self.steps.turn * along
         inside = all(limit.room(bent) >= 0.0 for limit in self.limits.values())
         return bent if close and inside else straight
 
@@ -483,7 +372,7 @@ class _Tracer:
         second = b.heading
         bend = _angle(first, second)
         # A chord that the corrector does not resolve has no direction.
-        if _length(chord) > _RESOLVED * self.steps.tolerance:
+        if length_of(chord) > _RESOLVED * self.steps.tolerance:
             bend = max(bend, _angle(first, chord), _angle(chord, second))
         return bend
 
@@ -497,7 +386,7 @@ class _Tracer:
         offset = (start.x - last.x) / new.units
         chord = (new.x - last.x) / new.units
         part = offset @ chord / (chord @ chord)
-        return bool(0.0 < part <= 1.0 and _length(offset - part * chord) < 0.1 * _length(chord))
+        return bool(0.0 < part <= 1.0 and length_of(offset - part * chord) < 0.1 * length_of(chord))
 
     def _between(self, last: Point, new: Point) -> list[_Happened]:
         """What happens within a step, in the order of travel: breaks, and on every smooth part
@@ -536,12 +425,12 @@ class _Tracer:
         x = self._bent(last, (last, new), along)
         units = self.scale(x)
         F, J = self.equations(x)
-        if not _length(F) <= _SOLVES * np.max(np.abs(J * units)):
+        if not length_of(F) <= _SOLVES * np.max(np.abs(J * units)):
             raise Lost("Newton's method does not converge")
         part = along / (new.length - last.length)
         tangent = (1.0 - part) * last.heading + part * new.heading
         return self.point(
-            x, tangent / _length(tangent), new.orientation, last.length + along, units
+            x, tangent / length_of(tangent), new.orientation, last.length + along, units
         )
 
     def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
@@ -599,10 +488,6 @@ class _Tracer:
         return next(same, found)
 
 
-def _length(v: Array) -> float:
-    return math.sqrt(v @ v)
-
-
 def _angle(u: Array, v: Array) -> float:
-    cosine = ratio(float(u @ v), _length(u) * _length(v))
+    cosine = ratio(float(u @ v), length_of(u) * length_of(v))
     return math.acos(min(max(cosine, -1.0), 1.0))

@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
 from stickslip.kept import cached_property
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.orbits.continuation.path import BROKEN_OFF, Ending, Stop
 from stickslip.results import (
+    CERTIFICATE,
+    PLAIN,
+    TEXT,
     Completion,
+    Part,
     Result,
-    restored_certificate,
     restored_residuals,
     shortened,
 )
@@ -91,6 +95,26 @@ class SpecialPoint:
         return ", ".join(part for part in parts if part)
 
 
+def _restored_special(entry: Mapping[str, Any]) -> SpecialPoint:
+    """A special point as it was stored: lists were tuples."""
+    changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
+    residuals = restored_residuals(entry["residuals"])
+    known: dict[str, Any] = {**entry, **changed, "residuals": residuals}
+    return SpecialPoint(**known)
+
+
+SPECIAL_POINTS = Part(
+    lambda special: [asdict(s) for s in special],
+    lambda text, where: [_restored_special(entry) for entry in json.loads(text)],
+)
+_ENDS = Part(
+    lambda ends: [[end.stop.name, end.text, end.test] for end in ends],
+    lambda text, where: tuple(
+        Ending(Stop[stop], said, test) for stop, said, test in json.loads(text)
+    ),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Branch(Result):
     """Points of a curve of equilibria or cycles.
@@ -114,6 +138,15 @@ class Branch(Result):
 
     KIND: ClassVar[str] = "branch"
     FORMAT: ClassVar[int] = 4
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "parameter": TEXT,
+        "special": SPECIAL_POINTS,
+        "ends": _ENDS,
+        "certificate": CERTIFICATE,
+        "second": TEXT,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -159,11 +192,6 @@ class Branch(Result):
     def along(self) -> str:
         """Dimension of the dataset."""
         return "point"
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def dataset(self) -> xarray.Dataset:
@@ -230,44 +258,10 @@ class Branch(Result):
         """Bifurcation diagram."""
         return self.plot(ax=ax)
 
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The points, and everything else as data."""
-        return self.points, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "parameter": self.parameter,
-            "special": [asdict(s) for s in self.special],
-            "ends": [[end.stop.name, end.text, end.test] for end in self.ends],
-            "certificate": asdict(self.certificate),
-            "second": self.second,
-        }
-
     @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored branch."""
-        from stickslip.model.system_file import loads
-
-        first, last = (
-            Ending(Stop[stop], text, test) for stop, text, test in json.loads(parts["ends"])
-        )
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            parts["parameter"],
-            lambda: data,
-            [restored_special(entry) for entry in json.loads(parts["special"])],
-            (first, last),
-            restored_certificate(json.loads(parts["certificate"])),
-            parts["second"],
-        )
-
-
-def restored_special(entry: Mapping[str, Any]) -> SpecialPoint:
-    """A special point as it was stored: lists were tuples."""
-    changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
-    residuals = restored_residuals(entry["residuals"])
-    known: dict[str, Any] = {**entry, **changed, "residuals": residuals}
-    return SpecialPoint(**known)
+    def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
+        """The points, which a branch otherwise computes when they are asked for."""
+        return {"_table": lambda: data}
 
 
 def with_special(points: Certificate, special: Sequence[SpecialPoint]) -> Certificate:

@@ -17,13 +17,8 @@ from functools import partial
 from typing import Generic, TypeVar
 
 from stickslip.arrays import Array
-from stickslip.orbits.continuation.arclength import (
-    NOT_DEFINED,
-    Accept,
-    Breaks,
-    FunctionAndJacobian,
-    trace,
-)
+from stickslip.orbits.continuation.arclength import Accept, Breaks, trace
+from stickslip.orbits.continuation.corrector import NOT_DEFINED, FunctionAndJacobian
 from stickslip.orbits.continuation.path import (
     BROKEN_OFF,
     INTERRUPTED,

@@ -21,8 +21,9 @@ from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.engine.tables import TOGETHER
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
+from stickslip.orbits.return_map.following import arrivals, follow_state
 from stickslip.orbits.return_map.mode_sequence import sequence
-from stickslip.orbits.return_map.shooting import arrivals, follow_state, parameter_values
+from stickslip.orbits.return_map.shooting import parameter_values
 
 # least range of a cycle, relative to the state: below, its size is not known to the tolerance
 _MOVES = 1e-7
@@ -114,6 +115,7 @@ def _neighbours(closed: Closed) -> Residual:
         q = leg.place.directions.shape[1]
         if q:
             matrix = there.chart @ leg.change.matrix[: len(closed.orbit.shift), :q]
+            # The right singular vector of the largest singular value grows most.
             directions = [np.linalg.svd(matrix)[2][0], *([_another(q)] if q > 1 else [])]
             found += [_along(closed, j, matrix, d / np.linalg.norm(d)) for d in directions]
     return max(

@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stickslip.arguments import validated
 from stickslip.arrays import Array
@@ -29,21 +28,18 @@ from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import Sums
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import Problem, pose
+from stickslip.motion.problem import pose
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
-from stickslip.motion.simulate import with_span
-from stickslip.numerics.levels import COMPUTED_ZERO, GUARD_TOUCHED, SAME_VALUE
-from stickslip.orbits.continuation.branch import SpecialPoint
+from stickslip.numerics.levels import COMPUTED_ZERO, GUARD_TOUCHED
 from stickslip.orbits.cycles import measure, over_period
 from stickslip.orbits.cycles.certificate import certify_cycle
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
-from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
-from stickslip.orbits.cycles.measure import ContactShare, Phase
+from stickslip.orbits.cycles.finding import from_state
+from stickslip.orbits.cycles.measure import ContactShare, Phase, drift_of
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
 from stickslip.orbits.return_map.recurrence import modes_of_structures
 from stickslip.results import Result, listed, restored_certificate
-from stickslip.stopping.scopes import limited
 
 if TYPE_CHECKING:
     import xarray
@@ -249,12 +245,12 @@ class Cycle(Result):
     def direction(self) -> dict[str, float]:
         """Of the drift: the declared translation, or scaled to the largest component 1. Empty
         without drift."""
-        return _drift(self.system, self._shift)[0]
+        return drift_of(self.system, self._shift)[0]
 
     @cached_property
     def drift(self) -> float:
         """Shift along `direction` in one period."""
-        return _drift(self.system, self._shift)[1]
+        return drift_of(self.system, self._shift)[1]
 
     @property
     def _shift(self) -> Array:
@@ -272,11 +268,6 @@ class Cycle(Result):
     def _sums(self) -> Sums:
         """What contacts do in the period."""
         return self.trajectory.audit.shares
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def dataset(self) -> xarray.Dataset:
@@ -397,13 +388,10 @@ class Cycle(Result):
     def rows(self) -> list[tuple[str, str]]:
         """Summary as rows of text."""
         units = self.units
-        multipliers = [
-            f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
-        ]
         rows = [
             ("period", with_unit(self.period, units["time"], 12)),
             ("stability", self.stability),
-            ("multipliers", listed(multipliers)),
+            ("multipliers", listed(_in_words(self.multipliers))),
         ]
         if self.contacts:
             shares = (with_unit(t, units["time"], 9) for t in (self.stick_time, self.slip_time))
@@ -534,9 +522,7 @@ class Cycle(Result):
 
     def describe(self) -> str:
         """A few lines."""
-        shown = ", ".join(
-            f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in self.multipliers
-        )
+        shown = ", ".join(_in_words(self.multipliers))
         units = self.units
         period, stick, slip, energy = (
             with_unit(value, units[kind], digits)
@@ -580,6 +566,11 @@ _SAID = (
 )
 
 
+def _in_words(values: Array) -> list[str]:
+    """Complex numbers as texts."""
+    return [f"{z.real:.6g}" + (f"{z.imag:+.6g}i" if z.imag else "") for z in values]
+
+
 def _pairs(values: Array) -> list[list[float]]:
     """Complex numbers for JSON."""
     return [[float(z.real), float(z.imag)] for z in values]
@@ -588,109 +579,6 @@ def _pairs(values: Array) -> list[list[float]]:
 def _complex(pairs: Sequence[Sequence[float]]) -> Array:
     """Complex numbers from JSON."""
     return np.array([complex(*pair) for pair in pairs])
-
-
-@validated
-def find_cycle(
-    system: System,
-    start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
-    *,
-    parameters: Mapping[str, float] | None = None,
-    span: tuple[float, float] | None = None,
-    time_limit: float | None = None,
-) -> Cycle:
-    """Find the cycle near a motion, a state, another cycle or a Hopf point.
-
-    Parameters
-    ----------
-    system : System
-    start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
-        A motion that has settled: the cycle near its end. A state: the cycle near it, stable or
-        unstable, or else the cycle on which the motion from this state settles; by default the
-        declared initial state. A cycle at other parameters. A Hopf point of a branch of equilibria:
-        the emanating cycles. A motion continues from its end, a state from the start of the
-        declared span.
-    parameters : mapping of str to float, optional
-        Values that replace the defaults, or those of `start`. At a Hopf point the value of the
-        branch parameter selects one of the cycles; by default a small one.
-    span : (float, float), optional
-        Time span that replaces the span of the system, for a start at a state: the motion starts at
-        its beginning, and is abandoned after 100 times its length.
-    time_limit : float, optional
-        Wall-clock limit in seconds.
-
-    Returns
-    -------
-    Cycle
-
-    Raises
-    ------
-    DeclarationError
-        If an argument is wrong, or the system depends on time aperiodically.
-    ConvergenceError
-        If the motion comes to rest, does not return, or Newton's method does not converge; if the
-        cycles form a continuous family without a translation. The message reports what was tried
-        and the closest approach. Its subclass :class:`stickslip.errors.TimeLimitError` is raised at
-        the time limit.
-    """
-    if span is not None and isinstance(start, SpecialPoint | Result):
-        reason = "a motion, a cycle or a Hopf point already defines the initial time"
-        raise DeclarationError("span", reason, "Remove it, or give a state as the start")
-    system = with_span(system, span)
-    with limited(time_limit, f"a cycle of {system.name}"):
-        return _found(system, start, parameters)
-
-
-def _found(
-    system: System,
-    start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None,
-    parameters: Mapping[str, float] | None,
-) -> Cycle:
-    """The cycle; see :func:`find_cycle`."""
-    from stickslip.motion.trajectory import Trajectory
-
-    if isinstance(start, SpecialPoint):
-        from stickslip.orbits.cycles.hopf_switching import born_at
-
-        return make_cycle(born_at(system, start, parameters))
-    if isinstance(start, Cycle):
-        if start.system != system:
-            raise DeclarationError(
-                "start",
-                f"the start is a cycle of {start.system.name}, not of {system.name}",
-                "Use the same system",
-            )
-        return make_cycle(from_cycle(start.closed, start.time, parameters))
-    if isinstance(start, Trajectory):
-        if start.system != system:
-            raise DeclarationError(
-                "start",
-                f"the start is a motion of {start.system.name}, not of {system.name}",
-                "Use the same system",
-            )
-        if not parameters:
-            return make_cycle(from_motion(start))
-        k = start.knots
-        problem = pose(system, {**start.parameters, **parameters})
-        return make_cycle(from_state(problem, k.state[-1], float(k.time[-1])))
-    problem = pose(system, parameters)
-    return make_cycle(from_state(problem, _state(problem, start), system.span[0]))
-
-
-def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
-    """State vector of what was given."""
-    names = problem.system.declaration.state
-    if start is None or isinstance(start, Mapping):
-        return problem.initial_state(start or {})
-    try:
-        y = np.asarray(start, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        y = np.zeros(0)
-    if y.shape != (len(names),):
-        raise DeclarationError(
-            "start", "not a state", f"Give values of {', '.join(names)}, a motion or a Hopf point"
-        )
-    return problem.initial_state(dict(zip(names, map(float, y), strict=True)))
 
 
 def make_cycle(closed: Closed) -> Cycle:
@@ -706,18 +594,3 @@ def _differentiable(closed: Closed) -> bool:
     return bool(
         smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > GUARD_TOUCHED
     )
-
-
-def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
-    """Direction and size of the shift of the state in a period."""
-    names = system.declaration.state
-    size = float(np.max(np.abs(shift)))
-    declared = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
-    if np.any(declared):
-        along = float(declared @ shift / (declared @ declared))
-        if np.max(np.abs(shift - along * declared)) <= SAME_VALUE * size:
-            return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
-    if size == 0.0:
-        return {}, 0.0
-    top = float(shift[np.argmax(np.abs(shift))])
-    return {name: float(w / top) for name, w in zip(names, shift, strict=True) if w}, top

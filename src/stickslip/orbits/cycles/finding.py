@@ -29,6 +29,7 @@ from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
 from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
+from stickslip.orbits.return_map.following import NoReturn, follow_freely
 from stickslip.orbits.return_map.recurrence import (
     Recurrence,
     Window,
@@ -37,12 +38,7 @@ from stickslip.orbits.return_map.recurrence import (
     latest,
     window,
 )
-from stickslip.orbits.return_map.shooting import (
-    NoReturn,
-    Shooting,
-    follow_freely,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Shooting, parameter_values
 from stickslip.orbits.return_map.slopes import cycle_slope
 from stickslip.orbits.settling.single import Settled, settle_motion
 

@@ -24,15 +24,10 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings
 from stickslip.orbits.return_map.damped_newton import Closed, converge
 from stickslip.orbits.return_map.families import check_isolated
+from stickslip.orbits.return_map.following import follow_state
 from stickslip.orbits.return_map.held import Held, held_positions
-from stickslip.orbits.return_map.shooting import (
-    Setting,
-    Shooting,
-    follow_state,
-    make_station,
-    parameter_values,
-    with_value,
-)
+from stickslip.orbits.return_map.shooting import Setting, Shooting, parameter_values, with_value
+from stickslip.orbits.return_map.stations import make_station
 
 _SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
 _INSIDE = 0.3  # … and to the distance from the next switching boundary
@@ -229,11 +224,13 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> Vanishing | None
         at, settled = pair(found)
     except (ZeroDivisionError, np.linalg.LinAlgError, StickslipError):
         return None
+    # The eigenvalues that cross the axis have to turn with the frequency of the cycle.
     if not (abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < NO_GROWTH * frequency):
         return None
     there = parameter_values(with_value(problem, parameter, found))
     shifts = closed.shooting.symmetry.shifts
     rates = piece.rates(0.0, settled, there)
+    # A steady drift along a translation does not violate the equilibrium conditions.
     rates = rates - shifts @ (np.linalg.pinv(shifts) @ rates) if shifts.shape[1] else rates
     moves = float(np.max(np.abs(rates) / (frequency * closed.shooting.setting.sizes)))
     return Vanishing(found, settled, abs(at.real / at.imag), moves)

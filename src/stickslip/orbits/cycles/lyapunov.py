@@ -106,5 +106,6 @@ def _admissible(part: Trajectory, pieces: Pieces, sizes: Array, rng: np.random.G
     )
     change = rng.normal(size=len(sizes))
     if len(slopes):
+        # The projection onto the null space of the constraints, in units of the sizes.
         change = change - np.linalg.pinv(slopes) @ (slopes @ change)
     return sizes * change / np.linalg.norm(change)

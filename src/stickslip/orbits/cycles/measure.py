@@ -1,4 +1,4 @@
-"""What a period of a motion amounts to: phases, time in stick and slip, energy by contact."""
+"""Measures of a period of a motion: phases, time in stick and slip, energy by contact, drift."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import agree, factors
@@ -15,6 +16,7 @@ from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, Sums
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
+from stickslip.numerics.levels import SAME_VALUE
 from stickslip.orbits.cycles.over_period import mean
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.symbolic import expressions as ex
@@ -170,3 +172,18 @@ def read_weight(system: System, text: str) -> Expr:
 
 def _force_unit(system: System) -> str:
     return described(system, "peak_force").get("units", "1")
+
+
+def drift_of(system: System, shift: Array) -> tuple[dict[str, float], float]:
+    """Direction and size of the shift of the state in a period."""
+    names = system.declaration.state
+    size = float(np.max(np.abs(shift)))
+    declared = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
+    if np.any(declared):
+        along = float(declared @ shift / (declared @ declared))
+        if np.max(np.abs(shift - along * declared)) <= SAME_VALUE * size:
+            return {name: float(w) for name, w in zip(names, declared, strict=True) if w}, along
+    if size == 0.0:
+        return {}, 0.0
+    top = float(shift[np.argmax(np.abs(shift))])
+    return {name: float(w / top) for name, w in zip(names, shift, strict=True) if w}, top

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.equilibria.box_bounds import centres, period
 from stickslip.orbits.equilibria.level_extents import extents
-from stickslip.orbits.equilibria.level_sets import Components, LevelSet, centres, period
+from stickslip.orbits.equilibria.level_sets import Components, LevelSet
 from stickslip.orbits.equilibria.reduction import Irreducible, Reduced
 from stickslip.orbits.equilibria.stick_sets import Conditions
 from stickslip.symbolic import expressions as ex

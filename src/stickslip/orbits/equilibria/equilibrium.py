@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import MotionEquations
@@ -15,8 +15,18 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.numerics.levels import NO_GROWTH
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import (
+    ITEMS,
+    PLAIN,
+    TEXT,
+    Completion,
+    Part,
+    Result,
+    restored_certificate,
+    shortened,
+)
 from stickslip.symbolic.pieces import boundary
 
 if TYPE_CHECKING:
@@ -178,6 +188,40 @@ class EquilibriumSet:
         return text if self.certificate.ok else f"{text}; {self.certificate.verdict}"
 
 
+def _plain(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
+    """All that is known of one, for JSON."""
+    values = found.eigenvalues
+    pairs = None if values is None else [[z.real, z.imag] for z in values]
+    return {**asdict(found), "eigenvalues": pairs}
+
+
+def _revived(entry: dict[str, Any]) -> dict[str, Any]:
+    """The same from JSON: lists were tuples, pairs complex numbers."""
+    values = entry["eigenvalues"]
+    changed: dict[str, Any] = {
+        "eigenvalues": None if values is None else tuple(complex(*pair) for pair in values),
+        "certificate": restored_certificate(entry["certificate"]),
+        "contacts": tuple(entry["contacts"]),
+        "mode": tuple(entry["mode"]),
+        "turned": tuple(entry.get("turned", ())),
+    }
+    if "extent" in entry:
+        changed["extent"] = {name: tuple(ends) for name, ends in entry["extent"].items()}
+        changed["regions"] = tuple(tuple(region) for region in entry["regions"])
+    else:
+        changed["region"] = tuple(entry["region"])
+        changed["boundary"] = tuple(entry["boundary"])
+    return {**entry, **changed}
+
+
+def _several(kind: type[Equilibrium] | type[EquilibriumSet]) -> Part:
+    """Equilibria, in a file."""
+    return Part(
+        lambda found: [_plain(e) for e in found],
+        lambda text, where: tuple(kind(**_revived(entry)) for entry in json.loads(text)),
+    )
+
+
 @dataclass(frozen=True)
 class Equilibria(Result):
     """The equilibria of a system; iterates over the isolated equilibria, then the sets.
@@ -199,6 +243,15 @@ class Equilibria(Result):
     """
 
     KIND: ClassVar[str] = "equilibria"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "isolated": _several(Equilibrium),
+        "sets": _several(EquilibriumSet),
+        "tried": TEXT,
+        "nearest": TEXT,
+        "undecided": ITEMS,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -267,11 +320,6 @@ class Equilibria(Result):
     def along(self) -> str:
         """Dimension of the dataset."""
         return "equilibrium"
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -369,32 +417,10 @@ class Equilibria(Result):
 
         return plot_eigenvalues(self, ax)
 
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The table, and everything as data."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "isolated": [_plain(found) for found in self.isolated],
-            "sets": [_plain(found) for found in self.sets],
-            "tried": self.tried,
-            "nearest": self.nearest,
-            "undecided": self.undecided,
-        }
-
     @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore stored equilibria."""
-        from stickslip.model.system_file import loads
-
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            tuple(Equilibrium(**_revived(entry)) for entry in json.loads(parts["isolated"])),
-            tuple(EquilibriumSet(**_revived(entry)) for entry in json.loads(parts["sets"])),
-            parts["tried"],
-            parts["nearest"],
-            tuple(json.loads(parts["undecided"])),
-        )
+    def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
+        """None: the dataset is a table of the equilibria."""
+        return {}
 
 
 def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
@@ -413,32 +439,6 @@ def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
         extent = {name: list(ends) for name, ends in found.extent.items()}
         facts |= {"dimension": found.dimension, "extent": extent}
     return facts
-
-
-def _plain(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
-    """All that is known of one, for JSON."""
-    values = found.eigenvalues
-    pairs = None if values is None else [[z.real, z.imag] for z in values]
-    return {**asdict(found), "eigenvalues": pairs}
-
-
-def _revived(entry: dict[str, Any]) -> dict[str, Any]:
-    """The same from JSON: lists were tuples, pairs complex numbers."""
-    values = entry["eigenvalues"]
-    changed: dict[str, Any] = {
-        "eigenvalues": None if values is None else tuple(complex(*pair) for pair in values),
-        "certificate": restored_certificate(entry["certificate"]),
-        "contacts": tuple(entry["contacts"]),
-        "mode": tuple(entry["mode"]),
-        "turned": tuple(entry.get("turned", ())),
-    }
-    if "extent" in entry:
-        changed["extent"] = {name: tuple(ends) for name, ends in entry["extent"].items()}
-        changed["regions"] = tuple(tuple(region) for region in entry["regions"])
-    else:
-        changed["region"] = tuple(entry["region"])
-        changed["boundary"] = tuple(entry["boundary"])
-    return {**entry, **changed}
 
 
 def _interval(name: str, low: float, high: float) -> str:

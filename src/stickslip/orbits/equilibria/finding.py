@@ -24,7 +24,9 @@ from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.orbits.equilibria import search
+from stickslip.orbits.equilibria.box_bounds import is_within, touch
 from stickslip.orbits.equilibria.candidates import autonomous, possible_modes, surface_speed
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
 from stickslip.orbits.equilibria.covering import CoveredSet, cover, valued
@@ -47,7 +49,6 @@ _KNOWN = 1e-9  # ends of sets, relative to their size
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 _LEAST_UNIT = 1e-6  # of a component, absolute: states at zero are not compared with their rounding
 _SAME_POINT = 1e-7  # distance, in these units, of points found on two sides of a boundary
-_MEETS = 1e-7  # of 1 + the modulus: distance of boxes, and of states from them, that is rounding
 
 
 @validated
@@ -101,19 +102,6 @@ def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
     """
     looked = _Search(found.system, autonomous(found.system), found.parameters, {})
     return looked.contains(found, point)
-
-
-def checked_values(system: System, parameters: Mapping[str, float] | None) -> dict[str, float]:
-    """All parameters, checked."""
-    if not isinstance(system, System):
-        raise DeclarationError(
-            "system",
-            f"expected a System, got {type(system).__name__}",
-            "Use ss.load or ss.catalogue",
-        )
-    values = {**system.values, **(parameters or {})}
-    system.declaration.check_parameters(values)
-    return {name: float(value) for name, value in values.items()}
 
 
 _Piece = tuple[Mapping[str, tuple[float, float]], Conditions]  # with its extent
@@ -504,7 +492,7 @@ class _Search:
             centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
         if not exact:
             if any(
-                s.mode == mode and _within(s.extent, self._named(centre[:n]))
+                s.mode == mode and is_within(s.extent, self._named(centre[:n]))
                 for s in self.sets
                 if not s.exact
             ):
@@ -566,7 +554,7 @@ class _Search:
         extent = new.extent
         joined: list[_Piece] = [(extent, conditions)]
         for other, pieces in list(self.pieces):
-            near = [p for e, p in pieces if other.mode == new.mode and _touch(extent, e)]
+            near = [p for e, p in pieces if other.mode == new.mode and touch(extent, e)]
             told = conditions.affine and all(p.affine for p in near)
             if not near or (told and not any(conditions.meets(p) for p in near)):
                 continue
@@ -607,16 +595,3 @@ class _Search:
 
     def _drift(self, rates: Array) -> dict[str, float]:
         return {name: v for name, v in self._named(rates).items() if v != 0.0}
-
-
-def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes meet."""
-    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
-    return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
-
-
-def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
-    return all(
-        low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
-        for x, (low, high) in extent.items()
-    )

@@ -14,15 +14,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.numerics.levels import LAST_DIGITS
-from stickslip.orbits.equilibria.level_sets import (
-    FURTHEST,
-    MOST_CORNERED,
-    Components,
-    Enclosures,
-    centres,
-    enclosed,
-    times_way,
-)
+from stickslip.orbits.equilibria.box_bounds import Enclosures, centres, enclosed, times_way
+from stickslip.orbits.equilibria.level_sets import FURTHEST, MOST_CORNERED, Components
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures
 from stickslip.symbolic.expressions import Expr
@@ -99,6 +92,7 @@ class _Extents:
         low, high = found.low[which, every], found.high[which, every]
         down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
         lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
+        # The least value of −f is minus the largest of f.
         return Enclosures(
             np.where(up, low, -high)[None],
             np.where(up, high, -low)[None],

@@ -1,9 +1,9 @@
-"""Conditions of rest in as few unknowns as they can be said in.
+"""Conditions of rest, reduced to as few unknowns as possible.
 
 Equations that are linear in an unknown, with a coefficient that is nowhere zero, are solved for it:
 forces first. Forces that remain, because more contacts stick than there are directions, are
-eliminated from the inequalities by the method of Fourier and Motzkin. A translation that leaves the
-system unchanged is held in place.
+eliminated from the inequalities by Fourier–Motzkin elimination. Translations that leave the system
+unchanged are removed by fixing one state for each.
 
 Source: A. Schrijver, *Theory of Linear and Integer Programming*, Wiley (1986), section 12.2.
 """
@@ -37,11 +37,11 @@ class Reduced:
     given : dict of str to Expr
         All other states.
     unbounded : frozenset of str
-        States that may be anything, or are moved by a translation.
+        States on which no condition depends, or that a translation changes.
     nonnegative : tuple of Expr
-        In the free states.
+        Expressions of the free states that must not be negative.
     dimension : int
-        In how many directions states can be changed.
+        Dimension of the set.
     """
 
     free: tuple[str, ...]
@@ -52,7 +52,7 @@ class Reduced:
 
 
 class Irreducible(Exception):
-    """The states of a set cannot be said by formulas in free ones; or the set is empty."""
+    """The states of a set cannot be expressed as formulas of free ones; or the set is empty."""
 
     def __init__(self, empty: bool = False) -> None:
         super().__init__("the conditions cannot be reduced")
@@ -68,7 +68,7 @@ def reduce(
     invariant: Array,
     origin: Array,
 ) -> Reduced:
-    """Free states, and what restricts them.
+    """The free states, and the conditions on them.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class _Elimination:
         values: Mapping[str, float],
     ) -> None:
         self.states = tuple(states)
-        self.forces = [x for x in forces]
+        self.forces = list(forces)
         self.equal = equal
         self.nonnegative = nonnegative
         self.values = values
@@ -105,12 +105,12 @@ class _Elimination:
         self.given: dict[str, Expr] = {}
 
     def run(self, invariant: Array, origin: Array) -> Reduced:
-        free = [x for x in (*self.forces, *self.states)]
+        free = [*self.forces, *self.states]
         while (found := self._solvable(free)) is not None:
-            self._put(*found)
+            self._substitute(*found)
             free.remove(found[0])
         for x in [x for x in self.forces if x in free]:
-            if self._levered(x, free):
+            if self._eliminate(x, free):
                 free.remove(x)
         if any(sure_sign(e, self.ranges) for e in self.equal):
             raise Irreducible(empty=True)
@@ -121,7 +121,7 @@ class _Elimination:
         for x in [x for x in self.forces if x in free]:
             self._project(x)
             free.remove(x)
-        held = self._hold(free, invariant, origin)
+        held = self._fix_translations(free, invariant, origin)
         moved = {x for x, row in zip(self.states, invariant, strict=True) if np.any(row != 0.0)}
         used = frozenset[str]().union(*(e.symbols for e in self.nonnegative))
         anything = {x for x in free if x not in used and x not in held}
@@ -140,7 +140,8 @@ class _Elimination:
         )
 
     def _solvable(self, free: list[str]) -> tuple[str, Expr] | None:
-        """An unknown, and what the equation with the fewest unknowns that has it says it is."""
+        """An unknown and its value, from the equation with the fewest unknowns that can be solved
+        for it."""
         for names in (self.forces, self.states):
             found: tuple[int, str, int, Expr] | None = None
             for x in names:
@@ -158,30 +159,32 @@ class _Elimination:
                 return x, -ex.substitute(self.equal.pop(n), {x: ex.ZERO}) / slope
         return None
 
-    def _put(self, x: str, value: Expr) -> None:
+    def _substitute(self, x: str, value: Expr) -> None:
+        """Replace an unknown by its value everywhere."""
         try:
             self.equal = [ex.substitute(e, {x: value}) for e in self.equal]
             self.nonnegative = [ex.substitute(e, {x: value}) for e in self.nonnegative]
         except ZeroDivisionError:
-            raise Irreducible(empty=True) from None  # a formula has no value at the only place
+            raise Irreducible(empty=True) from None  # a formula is undefined at the only value
         self.given = {name: ex.substitute(e, {x: value}) for name, e in self.given.items()}
         self.given[x] = value
 
     def _vanishes(self, e: Expr) -> bool:
+        """Whether an equation without unknowns holds up to rounding."""
         terms = list(e.terms) if e.op == "sum" else [(e, 1.0)]
         parts = [float(e.value) if e.op == "sum" else 0.0]
         parts += [c * ex.evaluate(term, self.values) for term, c in terms]
         return abs(math.fsum(parts)) <= _ZERO * math.fsum(map(abs, parts))
 
-    def _levered(self, force: str, free: list[str]) -> bool:
-        """Eliminate a force from the one equation that it is in, J·force + F = 0, where its lever J
-        may vanish: for l ≤ force ≤ u, −F is between J l and J u."""
+    def _eliminate(self, force: str, free: list[str]) -> bool:
+        """Eliminate a force from the only equation that contains it, J·force + F = 0, where J may
+        vanish: l ≤ force ≤ u holds for some force if −F lies between J l and J u."""
         held = [e for e in self.equal if force in e.symbols]
         if len(held) != 1 or ex.bends(held[0], [force]):
             return False
-        lever = ex.derivative(held[0], force)
+        factor = ex.derivative(held[0], force)
         others = {x for x in free if x in self.forces}
-        if (lever.symbols | held[0].symbols - {force}) & others:
+        if (factor.symbols | held[0].symbols - {force}) & others:
             return False
         rest, least, most = self._bounds(force)
         if not least or not most:
@@ -192,14 +195,14 @@ class _Elimination:
         for e in most[1:]:
             high = ex.minimum(high, e)
         pull = -ex.substitute(held[0], {force: ex.ZERO})
-        ends = lever * low, lever * high
+        ends = factor * low, factor * high
         self.equal.remove(held[0])
         self.nonnegative = [*rest, ex.maximum(*ends) - pull, pull - ex.minimum(*ends)]
         self.nonnegative += [b - a for a in least for b in most]
         return True
 
     def _bounds(self, force: str) -> tuple[list[Expr], list[Expr], list[Expr]]:
-        """Inequalities without a force, and its lower and upper bounds by the others."""
+        """The inequalities without a force, and its lower and upper bounds by the others."""
         rest, least, most = [], [], []
         for e in self.nonnegative:
             if force not in e.symbols:
@@ -220,8 +223,9 @@ class _Elimination:
             raise Irreducible
         self.nonnegative = [*rest, *(high - low for low in least for high in most)]
 
-    def _hold(self, free: list[str], invariant: Array, origin: Array) -> set[str]:
-        """Hold translations: as many free states as there are of them stay where they are."""
+    def _fix_translations(self, free: list[str], invariant: Array, origin: Array) -> set[str]:
+        """Fix one free state for each translation at its present value, chosen by complete
+        pivoting; returns their names."""
         rows = np.array([self.states.index(x) for x in free], dtype=int)
         left = invariant[rows].copy()
         held: set[str] = set()
@@ -233,5 +237,5 @@ class _Elimination:
             held.add(x)
             column = left[:, j] / left[i, j]
             left = left - np.outer(column, left[i])
-            self._put(x, ex.num(float(origin[self.states.index(x)])))
+            self._substitute(x, ex.num(float(origin[self.states.index(x)])))
         return held

@@ -104,6 +104,7 @@ def _newton_step(residual: ResidualFunction, y: Array, units: Array) -> tuple[Ar
     J = np.moveaxis(J * units[:, None], -1, 0)
     J = np.where(np.all(np.isfinite(J), axis=(1, 2))[:, None, None], J, 0.0)
     size = np.max(np.abs(J), axis=2)
+    # Rows are scaled to 1, so that ranks do not depend on the units of the equations.
     u, s, v = np.linalg.svd(ratio(J, size[:, :, None]), full_matrices=False)
     kept = s > RANK * np.maximum(s[:, :1], TINIEST)
     reciprocal = np.where(kept, 1.0 / np.where(kept, s, 1.0), 0.0)

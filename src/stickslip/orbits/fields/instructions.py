@@ -1,8 +1,9 @@
 """Expressions as instructions, for compiled code that interprets them
 (:mod:`stickslip.orbits.fields.engine.interpreter`).
 
-They are lowered as for the engine's scalar code (:func:`stickslip.symbolic.tape.scalars_of`). What
-depends on nothing that moves comes first, so that it is done once for many points.
+They are lowered as for the engine's scalar code
+(:func:`stickslip.symbolic.scalars.scalars_of`). What depends on no variable comes first, so that it
+is computed once for many points.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ from stickslip.orbits.fields.engine.interpreter import (
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, element
-from stickslip.symbolic.tape import scalars_of
+from stickslip.symbolic.scalars import Scalar, element, scalars_of
 
 
 class Listing:

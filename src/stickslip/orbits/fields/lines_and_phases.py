@@ -79,6 +79,7 @@ class Reading:
         size = self._sizes(names, values)
         slopes = [{x: ex.derivative(e, parameter) for x, e in line.items()} for line in self.lines]
         table = self._table(names, values)
+        # β ∂v/∂p = −(∂α/∂p + ∂β/∂p · v)
         change = _numbers(slopes, names, values) / size
         return np.linalg.lstsq(
             table[:, 1:], -(change[:, 0] + change[:, 1:] @ velocity), rcond=None

@@ -32,6 +32,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, in_region
 from stickslip.equations.mode_fields import impact_map
 from stickslip.kept import kept
+from stickslip.motion.record.discontinuities import Discontinuity
 from stickslip.numerics.levels import FEW_ROUNDINGS, TANGENT
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.instructions import PointFunction
@@ -56,7 +57,6 @@ _APART = 1e-6  # part by which their derivatives differ then
 _CLOSED = 1e-10  # part of the places that a gap may be and is closed
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
-_SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
 _MOST_MODES = 4096  # of an impact that are tried
 
 
@@ -112,73 +112,10 @@ class StateMap:
         return Landing(table[:, 0], table[:, 1], table[:, 2:])
 
 
-class Strike(NamedTuple):
-    """An impact, or a jump, of a motion.
-
-    Attributes
-    ----------
-    last : int
-        The same, or that of the last of the bounces which are taken together with it.
-    before : array, shape (n,)
-        State before.
-    """
-
-    knot: int
-    last: int
-    time: float
-    before: Array
-
-
-def strikes_of(motion: Trajectory) -> dict[int, Strike]:
-    """The impacts and jumps of a motion by their knots.
-
-    Bounces that come to an end are taken together as soon as they are small: as one impact without
-    rebound, after which the contact is closed. The normal force that presses it while the bounces
-    last has the impulse that these have, so that what is neglected is their square. Rounding
-    errors of their derivatives grow as they shrink: here both are small.
-    """
-    k = motion.knots
-    index = motion._strikes
-    before = motion._states_at(k.time[index], index - 1)
-    first = k.region.shape[1]
-    last = index.copy()
-    for j in range(len(index) - 1, -1, -1):
-        contact = k.cause[index[j]] - first
-        ends = k.mode[index[j], contact] == 0
-        bounces = (
-            j + 1 < len(index)
-            and k.cause[index[j + 1]] == k.cause[index[j]]
-            and index[j + 1] == index[j] + 1
-        )
-        if bounces and not ends and k.mode[last[j + 1], contact] == 0:
-            last[j] = last[j + 1]
-    ending = bool(np.any(last > index))
-    speed = motion.impacts["approach"].to_numpy() if ending else np.zeros(len(index))
-    begun = 0.0
-    found = leaps(motion)
-    for j, i in enumerate(map(int, index)):
-        # where the bounces began, also if others have looked at the motion in between
-        since = k.cause[int(index[j - 1]) : i] if j > 0 else k.cause[:0]
-        goes_on = j > 0 and since[0] == k.cause[i] and bool(np.all(since[1:] < 0))
-        begun = begun if goes_on else speed[j]
-        small = last[j] > i and speed[j] <= _SMALL * begun
-        found[i] = Strike(i, int(last[j]) if small else i, float(k.time[i]), before[j])
-    return found
-
-
-def leaps(motion: Trajectory) -> dict[int, Strike]:
-    """The declared jumps of a motion by their knots."""
-    k = motion.knots
-    index = np.flatnonzero(np.any(motion._switches.jumped, axis=1)) + 1
-    before = motion._states_at(k.time[index], index - 1)
-    pairs = zip(map(int, index), before, strict=True)
-    return {i: Strike(i, i, float(k.time[i]), y) for i, y in pairs}
-
-
 def saltation(
     equations: MotionEquations,
     motion: Trajectory,
-    strike: Strike,
+    strike: Discontinuity,
     here: Leave,
     sides: tuple[Piece, Piece],
     p: Array,
@@ -268,7 +205,7 @@ def _near(
 def _in_turn(
     equations: MotionEquations,
     motion: Trajectory,
-    strike: Strike,
+    strike: Discontinuity,
     sides: tuple[Piece, Piece],
     closed: tuple[list[int], int],
     p: Array,
@@ -308,6 +245,8 @@ def _in_turn(
             if _meets(left, [i for i in near if i != c], (t, y, p), found):
                 return none._replace(why=_CHANGES)
             gap = left.gap(c, t, y, p)
+            # A neighbour arrives later by −δg/ġ, and moves at the rates before in between instead
+            # of those after.
             fall = gap[1] + float(gap[2 : 2 + n] @ rates)
             y = found.after
             energies = _energies(equations, left, near, (t, y, p))
@@ -359,6 +298,7 @@ def _meets(
             continue
         change = after[2:] @ full - before[2:]
         if len(bounds):
+            # No admissible neighbour differs in a combination of the constraints.
             change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
         if float(np.max(np.abs(change))) > _APART * size:
             return True
@@ -383,6 +323,7 @@ def _energies(
     for c in near:
         u = piece.velocity(c, *at)
         J = u[2:][moving]
+        # The square of the approach times the effective mass of the contact, 1/(J M⁻¹ Jᵀ).
         approach = min(float(u[0]), 0.0)
         found[c] = approach**2 / float(J @ np.linalg.solve(M, J))
     return found
@@ -479,7 +420,7 @@ def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
 def _impact(
     equations: MotionEquations,
     pieces: tuple[Piece, Piece],
-    strike: Strike,
+    strike: Discontinuity,
     after: Array,
     contact: int,
     p: Array,

@@ -188,6 +188,7 @@ def _freedom(
     own = [part for c in contacts for part in equations.directions[c]]
     J = np.array([piece.velocity(c, *at)[2:] for c in own])[:, moving]
     bounds = piece.bounds(*at).slopes[:, moving]
+    # The rank of the velocities on the null space of the constraints.
     left = J - J @ np.linalg.pinv(bounds, rcond=_DEPENDENT) @ bounds if len(bounds) else J
     sizes = np.linalg.svd(left, compute_uv=False)
     return int(np.sum(sizes > _DEPENDENT * np.max(np.abs(J))))
@@ -241,6 +242,7 @@ def _stopping(
     moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
     J = slopes[:, moving]
     M = mass_at(equations, piece, at)
+    # ∂h/∂u for h² = uᵀ(J M⁻¹ Jᵀ)⁺u, twice the energy that stopping the contacts takes away.
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
     weight /= np.sqrt(max(float(u @ weight), TINIEST))
     return _passing(float(weight @ time), weight @ slopes, rates)
@@ -298,6 +300,7 @@ def _directions(formula: ConvexFormula, others: list[float]) -> Array:
             [np.cos(2.0 * np.pi * k / _ANGLES), np.sin(2.0 * np.pi * k / _ANGLES)]
         )
     else:
+        # A Fibonacci lattice, which is nearly uniform on the sphere.
         height, turn = 1.0 - 2.0 * k / _ANGLES, np.pi * (1.0 + 5.0**0.5) * k
         across = np.sqrt(1.0 - height**2)
         found = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
@@ -404,6 +407,7 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     for _ in range(_MOST_TURNS):
         sizes = [float(np.linalg.norm(G @ w)) for G, _ in shapes]
         least = _LEAST_TERM * max(sizes)
+        # ½ Σ s|Gw'|²/|Gw|, plus a constant, bounds the sum from above and touches it at w.
         H = sum(s / max(size, least) * G.T @ G for (G, s), size in zip(shapes, sizes, strict=True))
         new = np.linalg.lstsq(H, work, rcond=None)[0]
         new /= float(work @ new)

@@ -267,6 +267,7 @@ class Steady:
         own = np.maximum(np.abs(x[:n]), 0.01 * state)
         _, slopes = self.residual(*spans)(x)
         widths = np.array([high - low for low, high in spans.values()])
+        # dy/dp = −(∂F/∂y)⁺ ∂F/∂p, the implicit function theorem.
         moved = np.abs(np.linalg.pinv(slopes[:, :n]) @ slopes[:, n:]) @ widths
         own = np.where(
             own > COMPUTED_ZERO * moved, np.maximum(own, np.minimum(moved, 10.0 * own)), moved
@@ -349,6 +350,7 @@ def invariant_directions(
     matrix = matrix[np.all(np.isfinite(matrix), axis=1)]
     size = np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0)
     matrix = np.vstack([np.zeros((1, len(names))), matrix / np.where(size > 0.0, size, 1.0)])
+    # The factor R has the same null space, and far fewer rows.
     _, s, v = np.linalg.svd(np.linalg.qr(matrix, mode="r"))
     rank = int(np.sum(s > FINE_RANK * max(1.0, np.max(s, initial=0.0))))
     basis = np.zeros((len(d.state), len(names) - rank))

@@ -25,6 +25,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.motion.record.discontinuities import Discontinuity, discontinuities_of
 from stickslip.motion.steps.arrays import INERTIAL
 from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.orbits.fields import slips
@@ -51,7 +52,7 @@ from stickslip.orbits.fields.engine.tables import (
 )
 from stickslip.orbits.fields.engine.variations import vary
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
+from stickslip.orbits.fields.saltation import saltation
 from stickslip.orbits.fields.spectra import decompose_piece
 from stickslip.stopping.scopes import heed
 
@@ -285,11 +286,11 @@ class _Meeting:
         return i
 
     @cached_property
-    def _strikes(self) -> dict[int, tuple[Strike, Leave]]:
+    def _strikes(self) -> dict[int, tuple[Discontinuity, Leave]]:
         """The jumps of the state by their knots, and the guards right before each."""
-        strikes = list(strikes_of(self.trajectory).values())
+        strikes = list(discontinuities_of(self.trajectory).values())
         before = self.run.piece[[s.knot - 1 for s in strikes]]
-        found: dict[int, tuple[Strike, Leave]] = {}
+        found: dict[int, tuple[Discontinuity, Leave]] = {}
         for w in np.unique(before):
             own = [s for s, piece in zip(strikes, before, strict=True) if piece == w]
             t, y = np.array([s.time for s in own]), np.array([s.before for s in own])

@@ -13,17 +13,12 @@ from stickslip.kept import cached_property
 from stickslip.motion.problem import Problem
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.return_map.following import follow_state
 from stickslip.orbits.return_map.held import held_positions, same_held
 from stickslip.orbits.return_map.multipliers import Spectrum, spectrum
 from stickslip.orbits.return_map.recurrence import Recurrence, Window, segments, sizes_of
-from stickslip.orbits.return_map.shooting import (
-    Orbit,
-    Setting,
-    Shooting,
-    follow_state,
-    make_station,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Orbit, Setting, Shooting, parameter_values
+from stickslip.orbits.return_map.stations import make_station
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -131,12 +126,14 @@ def _shortened(
 ) -> Orbit | None:
     """The first of the shortened steps that closes better; None if there is none."""
     miss = np.linalg.norm(orbit.F)
+    # At first no unknown changes by more than its unit, and the period by at most 0.3 of its unit.
     part = min(1.0, ratio(1.0, np.max(np.abs(step))), ratio(0.3, abs(step[shooting.time])))
     for _ in range(tries):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
         except StickslipError:
             trial = None
+        # Armijo's condition: at least a quarter of the decrease that the linear model predicts.
         if trial is not None and np.linalg.norm(trial.F) <= (1.0 - 0.25 * part) * miss:
             return trial
         part *= 0.5

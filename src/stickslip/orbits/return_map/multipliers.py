@@ -10,7 +10,8 @@ import numpy as np
 from stickslip.arrays import AnyArray, Array
 from stickslip.numerics.levels import RANK, TINIEST
 from stickslip.orbits.return_map.held import forms
-from stickslip.orbits.return_map.shooting import Orbit, Shooting, make_station, parameter_values
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
+from stickslip.orbits.return_map.stations import make_station
 
 
 @dataclass(frozen=True)

@@ -24,88 +24,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError
 from stickslip.kept import cached_property
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.numerics.levels import RANK
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of
-from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.return_map.following import NoReturn, follow_state
 from stickslip.orbits.return_map.held import HELD, Held, nearest_slip, released, slips
+from stickslip.orbits.return_map.stations import Place, Station
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-MOST_EVENTS = 100_000  # of one period
-_PLACED = 1e-14  # a correction this small, in units of the cycle, changes no derivative
-_MOST_PLACINGS = 3
-_FLIGHT = 60.0  # shortest times in a flight from which on it is worth a closed form for one motion
 _DIFFERENCE = 1e-5  # relative step of a central difference: about the cube root of ε
-
-
-class NoReturn(ConvergenceError):
-    """A motion that ends before its period is over."""
-
-
-def follow_state(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
-    """The motion from a state, as a trajectory.
-
-    Raises
-    ------
-    NoReturn
-        If it ends early.
-    """
-    trajectory = follow_freely(problem, start, end, y)
-    if trajectory.outcome is not Outcome.FINISHED:
-        raise NoReturn(f"a period of {problem.system.name}", trajectory.message)
-    return trajectory
-
-
-def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
-    """The motion from a state as far as it goes."""
-    from stickslip.motion import simulate
-    from stickslip.motion.trajectory import Trajectory
-
-    code, knots, ended = simulate.run_loop(problem, start, end, y, MOST_EVENTS)
-    if ended is not None:
-        raise ended
-    return Trajectory(problem, (start, end), knots, Outcome.from_code(code))
-
-
-def flies(motion: Trajectory) -> bool:
-    """Whether closed forms pay even where every motion has its own parameters, and makes its own:
-    where flights are very long beside what is fast in them."""
-    forms = motion._problem.closed_forms
-    shortest = forms.shortest[forms.flown == 1]
-    k = motion.knots
-    if not np.any(shortest > 0.0) or len(k.time) < 2:
-        return False
-    steps = float(k.time[-1] - k.time[0]) / float(np.min(shortest[shortest > 0.0]))
-    return steps > _FLIGHT * (len(k.time) - 1)
-
-
-def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[Array | None]:
-    """Where the motions from some states are at the end, followed side by side; None if one ends
-    early.
-
-    Parameters
-    ----------
-    states : array, shape (motions, n)
-    """
-    from stickslip.motion.ensemble import Lanes
-    from stickslip.motion.steps.arrays import FINISHED, Constants
-
-    constants = Constants(*(part[None] for part in problem.constants))
-    span = start - problem.origin, end - problem.origin
-    group = np.zeros(len(states), np.int64)
-    lanes = Lanes.start(problem, constants, group, states, span, problem.closed_forms)
-    lanes.advance(span[1], MOST_EVENTS)
-    pairs = zip(lanes.codes, lanes.now.y, strict=True)
-    return [y if code == FINISHED else None for code, y in pairs]
 
 
 def with_value(problem: Problem, parameter: str, value: float) -> Problem:
@@ -114,99 +49,6 @@ def with_value(problem: Problem, parameter: str, value: float) -> Problem:
         return problem
     problem.system.declaration.check_range(parameter, value)
     return problem.at(parameter, value)
-
-
-@dataclass(frozen=True)
-class Place:
-    """A state with its derivatives: by the coordinates of its station, by time, and by the
-    parameter."""
-
-    state: Array
-    directions: Array
-    by_time: Array
-    by_parameter: Array
-
-
-@dataclass(frozen=True)
-class Station:
-    """Where a part of the cycle begins, and coordinates around it.
-
-    Attributes
-    ----------
-    part : float
-        When, as a part of the period.
-    piece : Piece
-        Mode and region there.
-    origin : array, shape (n,)
-        The state with ξ = 0.
-    basis : array, shape (n, q)
-        Directions that keep the constraints, one for each coordinate, in units of the size of the
-        cycle.
-    normal : array, shape (n, n − q)
-        Directions in which states are put back onto the constraints.
-    """
-
-    part: float
-    piece: Piece
-    origin: Array
-    basis: Array
-    normal: Array
-
-    @cached_property
-    def chart(self) -> Array:
-        """Matrix of state − origin ↦ ξ."""
-        return np.linalg.inv(np.hstack([self.basis, self.normal]))[: self.basis.shape[1]]
-
-    def place(self, xi: Array, t: float, p: Array) -> Place:
-        """The state with given coordinates."""
-        n = len(self.origin)
-        y = self.origin + self.basis @ xi
-        if self.normal.shape[1] == 0:
-            return Place(y, self.basis, np.zeros(n), np.zeros(n))
-        # Newton's method across the constraints of the mode; along them lie the free directions.
-        off, along, by_time, by_parameter = self._solve(y, t, p)
-        for _ in range(_MOST_PLACINGS):
-            y = y - self.normal @ off
-            if self.piece.straight or np.max(np.abs(off)) <= _PLACED:
-                break
-            off, along, by_time, by_parameter = self._solve(y, t, p)
-        return Place(
-            y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter
-        )
-
-    def _solve(self, y: Array, t: float, p: Array) -> tuple[Array, Array, Array, Array]:
-        """Value and derivatives of the constraints, in coordinates of the normal directions."""
-        bounds = self.piece.bounds(t, y, p)
-        n, q = len(y), self.basis.shape[1]
-        right = np.zeros((len(bounds.value), q + 3))
-        right[:, 0] = bounds.value
-        right[:, 1 : q + 1] = bounds.slopes[:, :n] @ self.basis
-        right[:, q + 1] = bounds.time
-        if bounds.slopes.shape[1] > n:
-            right[:, q + 2] = bounds.slopes[:, n]
-        solved = np.linalg.solve(bounds.slopes[:, :n] @ self.normal, right)
-        return solved[:, 0], solved[:, 1 : q + 1], solved[:, q + 1], solved[:, q + 2]
-
-
-def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes: Array) -> Station:
-    """A station at a state of the cycle; `sizes` are the units of the components.
-
-    Parameters
-    ----------
-    part : float
-        See :class:`Station`.
-    y : array, shape (n,)
-    p : array, shape (parameters,)
-    sizes : array, shape (n,)
-    """
-    n = len(y)
-    slopes = piece.bounds(t, y, p).slopes[:, :n] * sizes
-    # Each constraint counts alike, however small what it holds is on this cycle.
-    lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
-    slopes = np.divide(slopes, lengths, out=slopes, where=lengths > 0.0)
-    _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))
-    rank = int(np.sum(s > RANK * s[0])) if len(s) else 0
-    return Station(part, piece, y, sizes[:, None] * v[rank:].T, sizes[:, None] * v[:rank].T)
 
 
 @dataclass(frozen=True)
@@ -545,6 +387,7 @@ class Shooting:
         F[rows] = there.chart @ (end - there.origin) - x[rows]
         J[rows, own] += M[:, :q]
         J[rows, rows] -= np.eye(rows.stop - rows.start)
+        # A longer period moves the end along the rates there, and starts the leg later.
         J[rows, self.time] += leg.end * (there.chart @ leg.rate) + leg.begin * M[:, q]
         if self.free:
             J[rows, -1] += M[:, -1]

@@ -13,7 +13,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed
-from stickslip.orbits.return_map.shooting import Orbit, flies
+from stickslip.orbits.return_map.following import flies
+from stickslip.orbits.return_map.shooting import Orbit
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ def _solved(closed: Closed, name: str) -> CycleSlope:
     exact = flies(closed.orbit.motion)
     shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=exact))
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[name]))
+    # The unknowns of the cycle over the parameter, by the implicit function theorem.
     change = np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0]
     place = orbit.legs[0].place
     state = place.directions @ change[slice(*shooting.first[:2])] + place.by_parameter

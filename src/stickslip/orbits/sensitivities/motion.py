@@ -218,6 +218,7 @@ def follow(
     """
     problem = trajectory._problem
     state = tuple(problem.compiled.layout.state)
+    _check_names(trajectory, names)
     slopes = [_start_slope(trajectory, name) for name in names]
     free = tuple(dict.fromkeys(x for slope in slopes for x in slope if x not in state))
     pieces = _pieces_of(trajectory, free)
@@ -240,6 +241,15 @@ def follow(
     return Followed(found, sorted(missing))
 
 
+def _check_names(trajectory: Trajectory, names: Sequence[str]) -> None:
+    """Refuse names of one parameter or initial value twice, and initial values that are not
+    independent: which others are fixed would be ambiguous."""
+    for name in names:
+        if list(names).count(name) > 1:
+            raise DeclarationError(f"sensitivity: {name}", "it is given twice", "Give it once only")
+    trajectory.system.check_starts(names, "sensitivity")
+
+
 def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
     """Derivative of the first state, or of the parameters, with respect to an initial value, or a
     parameter, by name.
@@ -253,7 +263,7 @@ def _start_slope(trajectory: Trajectory, name: str) -> dict[str, float]:
         return {name: 1.0}
     slope = trajectory.system.start_slope(name, "sensitivity")
     if not slope:
-        known = [*trajectory.parameters, *trajectory.system.declaration.state]
+        known = [*trajectory.parameters, *trajectory.system.starts]
         raise DeclarationError(
             f"sensitivity: {name}",
             "unknown parameter or part of the state",

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, in_region
-from stickslip.errors import DeclarationError, suggestion
+from stickslip.errors import DeclarationError, listing, suggestion
 from stickslip.kept import kept
 from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import contact_key
@@ -88,6 +88,11 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     """
     if set(asked) <= set(trajectory._problem.compiled.layout.state):
         return tuple(Observation(name, ex.sym(name)) for name in asked)
+    with listing(lambda name: _read_observations(trajectory, (name,))):
+        return _read_observations(trajectory, asked)
+
+
+def _read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Observation, ...]:
     system = trajectory.system
     declared = system.declaration.results
     known = {*system.declaration.published, *system.parameters, *system.outputs, "t"}
@@ -107,7 +112,11 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
             raise DeclarationError(
                 f"of: {text}",
                 "unknown quantity",
-                suggestion(text, sorted(known)),
+                suggestion(
+                    text,
+                    [*system.unknowns, *sorted(known)],
+                    accepts=lambda name: _read_observations(trajectory, (name,)),
+                ),
             )
         formula = scope.parse(text, f"of: {text}")
         if any(e.op == "select" and e.args[0] not in kinks for e in ex.walk([formula])):

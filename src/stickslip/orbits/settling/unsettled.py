@@ -64,6 +64,7 @@ def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Arra
         if square := float(shift @ shift):
             change = change - np.outer(change @ shift / square, shift)
     for cell, form in marks.cells[i]:
+        # The nearest of the periodic images.
         change = change - np.outer(np.floor(change @ form + 0.5), cell)
     change = np.where(np.abs(change) > rules.real[4], change, 0.0)
     size = marks.size[i]
@@ -78,6 +79,7 @@ def _goes_on(change: Array, lag: int) -> bool:
         return False
     if np.linalg.norm(np.sum(chain, axis=0)) >= _STRAIGHT * np.sum(missed):
         return True
+    # A spiral: it turns at least once, and its steps form a geometric sequence.
     along = np.sum(chain[1:] * chain[:-1], axis=1) / (missed[1:] * missed[:-1])
     turned = np.sum(np.arccos(np.clip(along, -1.0, 1.0)))
     number, size = np.arange(len(missed)), np.log(missed)

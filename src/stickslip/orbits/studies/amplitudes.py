@@ -19,7 +19,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, short
 from stickslip.model.system import System
 from stickslip.motion.problem import Problem, pose
-from stickslip.numerics.levels import COMPUTED_ZERO
+from stickslip.numerics.levels import COMPUTED_ZERO, SAME_VALUE
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import NOT_CLOSED
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
@@ -27,20 +27,14 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, near, restarted, stations_for
+from stickslip.orbits.return_map.following import flies, follow_freely, follow_state
 from stickslip.orbits.return_map.recurrence import (
     Recurrence,
     segments,
     station_time,
     window,
 )
-from stickslip.orbits.return_map.shooting import (
-    Orbit,
-    Shooting,
-    flies,
-    follow_freely,
-    follow_state,
-    parameter_values,
-)
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
 from stickslip.orbits.studies.self_excitation import EXCITATION, LinearMode
 from stickslip.orbits.studies.swinging import Swinging, ValuesAndRates
 from stickslip.stopping.scopes import heed
@@ -121,6 +115,7 @@ class Amplitudes:
         by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
         size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
         size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
+        # Positions and velocities of a mode are a quarter of a period apart.
         share = np.hypot(by_place, by_rate)
         if not share > COMPUTED_ZERO * size:
             raise DeclarationError(
@@ -152,7 +147,10 @@ class Amplitudes:
         rates = part * self.mode.frequency * self.mode.shape
         start |= {f"d_{x}": float(v) for x, v in zip(names, rates, strict=True)}
         y = self.problem.initial_state(start)
-        return self._near(0.0, y, 2.0 * np.pi / self.mode.frequency)
+        # With its linear damping made up for, the motion lasts for the periods that are looked at.
+        mode = self.mode
+        excitation = 0.0 if mode.overdamped else 2.0 * mode.damping * mode.frequency
+        return self._near(excitation, y, 2.0 * np.pi / mode.frequency)
 
     def _near(self, excitation: float, y: Array, period: float) -> tuple[Shooting, Array]:
         """The equations near the motion from a state that nearly comes back after a period, with
@@ -396,6 +394,13 @@ class Amplitudes:
 
     def _certified(self, shooting: Shooting, orbit: Orbit) -> tuple[Shooting, Orbit]:
         """A cycle, if it is one."""
+        damping = orbit.problem.parameters[EXCITATION] * orbit.period / (4.0 * np.pi)
+        if self.mode.overdamped and damping >= 1.0 - SAME_VALUE:
+            raise ConvergenceError(
+                f"a backbone of {self.system.name}",
+                f"the mode is overdamped: its damping ratio is {damping:.6g}",
+                "Choose other amplitudes",
+            )
         certificate = self.cycle(shooting, orbit).certificate
         if not certificate.ok:
             raise ConvergenceError(

@@ -14,17 +14,16 @@ concept, Computers & Structures 154 (2015) 59-71.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, listing
 from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import (
     contact_key,
@@ -34,10 +33,11 @@ from stickslip.model.quantities import (
     quantity_or_formula,
 )
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import HARMONICS_KNOWN
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.over_period import harmonics_of
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
 from stickslip.orbits.studies.self_excitation import (
@@ -48,7 +48,7 @@ from stickslip.orbits.studies.self_excitation import (
 )
 from stickslip.orbits.studies.swinging import Swinging, read_swinging
 from stickslip.progress import watched
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import CERTIFICATE, PLAIN, Completion, Result, shortened, together
 from stickslip.stopping.scopes import TimeUp, limited
 
 if TYPE_CHECKING:
@@ -88,6 +88,15 @@ class Backbone(Result):
     """
 
     KIND: ClassVar[str] = "backbone"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "mode": together("coordinate", "mode", "linear_frequency"),
+        "notes": PLAIN,
+        "certificate": CERTIFICATE,
+        "complete": PLAIN,
+        "time_up": PLAIN,
+    }
 
     system: System
     parameters: dict[str, float]
@@ -125,11 +134,6 @@ class Backbone(Result):
     def damping(self) -> Array:
         """Damping ratios, shape (points,)."""
         return self.dataset["damping"].values
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -204,37 +208,6 @@ class Backbone(Result):
         """Frequency over the amplitude with the damping below."""
         return self.plot(ax=ax)
 
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The numbers, and everything else as data."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "mode": [self.coordinate, self.mode, self.linear_frequency],
-            "notes": self.notes,
-            "certificate": asdict(self.certificate),
-            "complete": self.complete,
-            "time_up": self.time_up,
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored backbone."""
-        from stickslip.model.system_file import loads
-
-        coordinate, mode, frequency = json.loads(parts["mode"])
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            coordinate,
-            mode,
-            frequency,
-            data,
-            json.loads(parts["notes"]),
-            restored_certificate(json.loads(parts["certificate"])),
-            json.loads(parts["complete"]),
-            json.loads(parts["time_up"]),
-        )
-
 
 @validated
 def backbone(
@@ -282,7 +255,8 @@ def backbone(
     ------
     DeclarationError
         If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
-        not constant, or small oscillations of the mode do not change the quantity.
+        not constant, small oscillations of the mode do not change the quantity, or the mode is
+        overdamped.
     ConvergenceError
         If no cycle is found at any amplitude.
 
@@ -303,14 +277,20 @@ def backbone(
     if isinstance(points, bool) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     excited = self_excited(system, values)
-    swinging = read_swinging(system, of, {**system.values, **values})
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
             "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
-    seeker = Amplitudes(excited, values, chosen, swinging)
+
+    def moved(name: str | None) -> Amplitudes:
+        """Refuse a quantity that the mode does not move."""
+        swinging = read_swinging(system, name, {**system.values, **values})
+        return Amplitudes(excited, values, chosen, swinging)
+
+    with listing(moved):
+        seeker = moved(of)
     wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
@@ -321,6 +301,16 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
+    if not work.found and chosen.overdamped:
+        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped]
+        raise DeclarationError(
+            "mode",
+            f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
+            "oscillations, so it does not oscillate and has no backbone",
+            f"Choose one of the modes {', '.join(others)}, or reduce the damping"
+            if others
+            else "Reduce its damping below critical",
+        )
     if not work.found:
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"

@@ -3,10 +3,9 @@ where on it slides."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,15 +16,16 @@ from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.problem import pose
+from stickslip.motion.problem import checked_values, pose
 from stickslip.orbits.branches.equilibrium_branch import checked_range
-from stickslip.orbits.cycles.cycle import Cycle, find_cycle
-from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.fields.stable_set import settle_friction
-from stickslip.orbits.return_map.shooting import follow_freely
+from stickslip.orbits.return_map.following import follow_freely
 from stickslip.progress import told
-from stickslip.results import Completion, Result, restored_certificate
+from stickslip.results import CERTIFICATE, PLAIN, TEXT, Completion, Result
 
 if TYPE_CHECKING:
     import xarray
@@ -78,6 +78,12 @@ class GaitStudy(Result):
     """
 
     KIND: ClassVar[str] = "gait study"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameter": TEXT,
+        "parameters": PLAIN,
+        "certificate": CERTIFICATE,
+    }
 
     system: System
     parameter: str
@@ -95,11 +101,6 @@ class GaitStudy(Result):
     def along(self) -> str:
         """The parameter."""
         return self.parameter
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -135,28 +136,6 @@ class GaitStudy(Result):
     def overview(self, ax: Axes | None = None) -> Figure:
         """Speed and period over the parameter; in given axes the speed."""
         return self.plot("speed", ax=ax) if ax is not None else self.plot("speed", "period")
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and of what it is."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameter": self.parameter,
-            "parameters": self.parameters,
-            "certificate": asdict(self.certificate),
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored study."""
-        from stickslip.model.system_file import loads
-
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            parts["parameter"],
-            json.loads(parts["parameters"]),
-            data,
-            restored_certificate(json.loads(parts["certificate"])),
-        )
 
 
 @validated

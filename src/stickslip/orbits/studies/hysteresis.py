@@ -34,8 +34,8 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.system import System
+from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import FEW_ROUNDINGS
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -14,10 +14,9 @@ test SDND100: the same with numbers.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -29,13 +28,14 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import described_as, energy_unit, per_time, quantity_or_formula
 from stickslip.model.system import System
+from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import checked_values
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
-from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.studies.swinging import read_swinging
 from stickslip.orbits.studies.turning_points import SwingTrace, TurningPoints, turning_points
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import CERTIFICATE, PLAIN, TEXT, Completion, Result, shortened, together
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -81,6 +81,16 @@ class RingDown(Result):
     """
 
     KIND: ClassVar[str] = "ring-down"
+    PARTS: ClassVar = {
+        "system": SYSTEM,
+        "parameters": PLAIN,
+        "coordinate": TEXT,
+        "stops": PLAIN,
+        "notes": PLAIN,
+        "certificate": CERTIFICATE,
+        "ended": TEXT,
+        "broken": together("interrupted", "time_up"),
+    }
 
     system: System
     parameters: dict[str, float]
@@ -106,11 +116,6 @@ class RingDown(Result):
     def along(self) -> str:
         """Dimension of the half-cycles."""
         return "half_cycle"
-
-    @property
-    def title(self) -> str:
-        """Title of the system."""
-        return self.system.title or self.system.name
 
     @property
     def outcome(self) -> Completion:
@@ -178,38 +183,6 @@ class RingDown(Result):
         from stickslip.figures.ring_down import plot_ring_down
 
         return plot_ring_down(self, ax=ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The numbers, and everything else as data."""
-        return self.dataset, {
-            "system": self.system.to_toml(),
-            "parameters": self.parameters,
-            "coordinate": self.coordinate,
-            "stops": self.stops,
-            "notes": self.notes,
-            "certificate": asdict(self.certificate),
-            "ended": self.ended,
-            "broken": [self.interrupted, self.time_up],
-        }
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored ring-down."""
-        from stickslip.model.system_file import loads
-
-        interrupted, time_up = json.loads(parts["broken"])
-        return cls(
-            loads(parts["system"], f"{where}: system"),
-            json.loads(parts["parameters"]),
-            parts["coordinate"],
-            data,
-            json.loads(parts["stops"]),
-            json.loads(parts["notes"]),
-            restored_certificate(json.loads(parts["certificate"])),
-            parts["ended"],
-            interrupted,
-            time_up,
-        )
 
 
 @validated

@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.system import Inertial, Parameter, System
+from stickslip.numerics.levels import SAME_VALUE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
@@ -42,12 +43,20 @@ class LinearMode:
         Of unit modal mass.
     rest : array, shape (inertial coordinates,)
     mass : array, shape (inertial coordinates, inertial coordinates)
+    damping : float
+        Damping ratio by all resistance that is linear.
     """
 
     frequency: float
     shape: Array
     rest: Array
     mass: Array
+    damping: float
+
+    @property
+    def overdamped(self) -> bool:
+        """Whether the mode, if its oscillations are small, does not oscillate."""
+        return self.damping >= 1.0 - SAME_VALUE
 
 
 def self_excited(system: System, values: Mapping[str, float]) -> System:
@@ -196,13 +205,14 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
                 stiffness[i, j] = ex.evaluate(slope, at)
             if not (np.all(np.isfinite(force)) and np.all(np.isfinite(stiffness))):
                 return None
+            # Least squares, since the stiffness is singular along a translation.
             step = np.linalg.lstsq(stiffness, force, rcond=None)[0]
             rest = rest - step
             if np.linalg.norm(step) <= _AT_REST * np.linalg.norm(rest):
                 return rest, stiffness
         return None
 
-    mass = np.zeros((n, n))
+    mass, damping = np.zeros((n, n)), _linear_damping(system, values)
     for (a, b), entry in d.mass.items():
         i, j = names.index(a), names.index(b)
         mass[i, j] = mass[j, i] = ex.evaluate(entry, values)
@@ -210,9 +220,16 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
 
     known = [found for at in (np.zeros(n), begin) if (found := rests(at)) is not None]
     for rest, stiffness in known:
+        # Of forces without a potential only the symmetric part of their slopes counts.
         squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
         modes = [
-            LinearMode(float(np.sqrt(w)), shape, rest, mass)
+            LinearMode(
+                float(np.sqrt(w)),
+                shape,
+                rest,
+                mass,
+                float(shape @ damping @ shape / (2.0 * np.sqrt(w))),
+            )
             for w, shape in zip(squares, shapes.T, strict=True)
             if w > _RIGID * np.max(np.abs(squares))
         ]
@@ -227,3 +244,23 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
         "no equilibrium was found about which it oscillates",
         "Give initial positions near an equilibrium",
     )
+
+
+def _linear_damping(system: System, values: Mapping[str, float]) -> Array:
+    """What resists the rates of inertial coordinates in proportion to them, everywhere: shape
+    (n, n)."""
+    d = system.declaration
+    names = d.inertial
+    found = np.zeros((len(names), len(names)))
+    for (a, b), entry in d.damping.items():
+        if a in names and b in names:
+            i, j = names.index(a), names.index(b)
+            found[i, j] = found[j, i] = ex.evaluate(entry, values)
+    for i, q in enumerate(names):
+        resistance = d.drags.get(q, ex.ZERO) - d.forces.get(q, ex.ZERO)
+        for j, p in enumerate(names):
+            if f"d_{p}" in resistance.symbols:
+                slope = ex.derivative(resistance, f"d_{p}")
+                if slope.symbols <= values.keys():
+                    found[i, j] += ex.evaluate(slope, values)
+    return found

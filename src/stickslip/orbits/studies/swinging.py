@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.errors import DeclarationError, listing, short, suggestion
 from stickslip.model.system import System
 from stickslip.motion.between.formulas import Along, evaluated, read_formula
 from stickslip.motion.trajectory import Trajectory
@@ -114,6 +114,11 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
         If it is neither a name nor a formula of variables of results, or not a smooth function of
         positions and velocities only.
     """
+    with listing(lambda name: _read_swinging(system, name, values)):
+        return _read_swinging(system, of, values)
+
+
+def _read_swinging(system: System, of: str | None, values: Mapping[str, float]) -> Swinging:
     declared = system.declaration
     inertial = list(declared.inertial)
     usual = [x for x in inertial if x in system.coordinates]
@@ -133,7 +138,8 @@ def read_swinging(system: System, of: str | None, values: Mapping[str, float]) -
     if not reason and ex.bends(formula, felt):
         reason = "it has kinks or jumps"
     if reason:
-        raise DeclarationError("of", f"'{short(name)}': {reason}", suggestion("", known))
+        known = suggestion("", known, accepts=lambda x: _read_swinging(system, x, values))
+        raise DeclarationError("of", f"'{short(name)}': {reason}", known)
     state = tuple(declared.state)
     form = linear_form(inertial, values, formula)
     if form is None:

@@ -197,6 +197,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     m, k, _ = points.shape
     along = (points[:, None] - points[:, :, None]).reshape(m, k * k, 2)
     sizes = lengths(along)
+    # A normal is the difference of two points, turned by a right angle.
     normals = (
         np.stack([along[:, :, 1], -along[:, :, 0]], axis=2)
         / np.where(sizes > 0.0, sizes, 1.0)[:, :, None]

@@ -86,6 +86,7 @@ def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Ellipsoi
     base = moving[0][0]
     if not is_nonnegative_form(base, Directions(names, ranges)):
         return None
+    # (c √Q(v))² = vᵀ S v with S = ½ c² ∂²Q, since Q is a quadratic form.
     square = ex.multiply(ex.num(0.5 * c * c), *(ex.power(factor, ex.num(2.0)) for factor in fixed))
     shape = [
         [ex.multiply(square, ex.derivative(ex.derivative(base, a), b)) for b in names]

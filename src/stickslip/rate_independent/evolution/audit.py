@@ -190,7 +190,9 @@ def measure_steps(
     rounding = _EPS * (np.abs(states).max(axis=1) + np.abs(z_before).max(axis=1))
     half, then = (now, now) if sets is start.sets else (middle.value(d), before.value(d))
     gap = then - _dot(forces[0], d)
+    # ∫ Ψ(ż) − ⟨ℓ − A z, ż⟩ dt along a straight step, by Simpson's rule.
     defect = (gap + 4.0 * (half - _dot(forces[1], d)) + now - _dot(forces[2], d)) / 6.0
+    # −∫ ⟨ℓ̇, z⟩ dt, integrated by parts.
     work = (
         _dot(load_before, z_before)
         - _dot(loads, states)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from stickslip.progress import told
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.rate_independent.evolution.evolve import check_tolerances
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import CERTIFICATE, TEXT, Completion, Result, shortened
 from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
@@ -53,6 +52,7 @@ class AveragingStudy(Result):
     """
 
     KIND: ClassVar[str] = "averaging study"
+    PARTS: ClassVar = {"certificate": CERTIFICATE, "stopped": TEXT}
 
     dataset: xarray.Dataset
     certificate: Certificate
@@ -102,7 +102,7 @@ class AveragingStudy(Result):
 
     @property
     def title(self) -> str:
-        """Title of the system."""
+        """What was compared."""
         return "fast oscillations and their average"
 
     @property
@@ -142,15 +142,6 @@ class AveragingStudy(Result):
         from stickslip.figures.evolution import plot_study
 
         return plot_study(self, ax)
-
-    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, the certificate, and what stopped it."""
-        return self.dataset, {"certificate": asdict(self.certificate), "stopped": self.stopped}
-
-    @classmethod
-    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored study."""
-        return cls(data, restored_certificate(json.loads(parts["certificate"])), parts["stopped"])
 
 
 @validated

@@ -13,7 +13,7 @@ from functools import partial
 from os import PathLike
 
 from stickslip.arguments import validated
-from stickslip.model import toml
+from stickslip.model.formats import toml
 from stickslip.model.system import Parameter
 from stickslip.model.system_file import drive_entry, plain_or
 from stickslip.rate_independent.evolution.model import EvolutionModel

@@ -10,8 +10,8 @@ from typing import Any, cast
 from stickslip import page
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
-from stickslip.model import toml
 from stickslip.model.entries.declared import Entries
+from stickslip.model.formats import toml
 from stickslip.model.names import DeclaredNames, check_covered, measured_drives, reconfigured
 from stickslip.model.schema import check_shape
 from stickslip.model.system import DefaultSpan, Drive, Formula, Parameter, hold_plain

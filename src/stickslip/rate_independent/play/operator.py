@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,8 @@ from stickslip.model.entries.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.numerics.levels import CERTIFIED, ENERGY_SCALE, ROUNDING
-from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
+from stickslip.rate_independent.play.motion import PlayAudit, PlayMotion
+from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, panel_edges, play_nodes
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.rate_independent.signals.sums import WeightedSignals
@@ -41,9 +42,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Given = str | float | Expr | Callable[[Any], Any] | tuple[Any, Any] | Signal
-_CHUNK = 2**12  # intervals at once: what fits into the cache
-# between floating-point numbers: rounding of a time, and of what is computed from it
-_SPACINGS = 4.0
 # distance from the stable interval, relative to where it is, that counts as rounding
 _STABLE = 1e-12
 _LONG_NAMES = {
@@ -217,32 +215,6 @@ def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
     return float(nearest)
 
 
-@dataclass(frozen=True)
-class PlayAudit:
-    """Work and violations of a motion, integrated anew from its nodes.
-
-    The `blur` of energy, force and gap is what the rounding of times alone does to them where
-    signals are steep.
-    """
-
-    energy: Array
-    dissipated: Array
-    supplied: Array
-    supplied_modulus: float
-    excess: float
-    force: float
-    gap: float
-    blur: tuple[float, float, float]
-
-
-class _State(NamedTuple):
-    """Position, its rate, and the signals at some times."""
-
-    z: Array
-    rate: Array
-    now: Sample
-
-
 @dataclass(frozen=True, eq=False)
 class Play(Result):
     """A computed play.
@@ -298,7 +270,7 @@ class Play(Result):
     def position(self, t: ArrayLike, side: str = "right") -> Any:
         """z at given times alone; see :meth:`at`."""
         times, k = self._intervals(t, side)
-        z = self._state(times, k).z
+        z = self.motion.state(times, k).z
         return z[0].item() if np.ndim(t) == 0 else z.reshape(np.shape(t))
 
     @validated
@@ -345,26 +317,10 @@ class Play(Result):
         k = np.searchsorted(self.time, times, side=side) - 1
         return times, np.clip(k, 0, len(self.mode) - 1)
 
-    def _middle(self, k: Array) -> Array:
-        return 0.5 * (self.time[k] + self.time[k + 1])
-
-    def _state(self, t: Array, k: Array) -> _State:
-        """Everything at times t, shape (..., intervals), inside the intervals k."""
-        mode = self.mode[k]
-        start = self.z[k]
-        end = self.z[k + 1]
-        now = self.bounds.sample(t, self._middle(k))
-        low, high = (
-            np.clip(bound, np.minimum(start, end), np.maximum(start, end))
-            for bound in (now.low, now.high)
-        )
-        z = np.select([mode > 0, mode < 0], [low, high], start)
-        return _State(z, np.select([mode > 0, mode < 0], [now.low_rate, now.high_rate], 0.0), now)
-
     def _values(self, t: Array, k: Array) -> dict[str, Array]:
-        z, rate, now = self._state(t, k)
+        z, rate, now = self.motion.state(t, k)
         load, a = now.load.value, self.bounds.stiffness
-        dissipated, supplied, *_ = self._integrate(k, t)
+        dissipated, supplied, *_ = self.motion.integrals(k, t)
         return {
             "z": z,
             "d_z": rate,
@@ -373,114 +329,22 @@ class Play(Result):
             "threshold_minus": np.maximum(now.minus.value, 0.0),
             "friction": a * z - load,
             "mode": self.mode[k],
-            "energy": self._energy(load, z),
+            "energy": self.motion.energy(load, z),
             "dissipated_energy": self.audit.dissipated[k] + dissipated,
             "supplied_energy": self.audit.supplied[k] + supplied,
         }
 
     # -- work and certificate ----------------------------------------------------------------------
 
-    def _integrate(self, k: Array, end: Array) -> Array:
-        """Integrals over intervals k from their nodes to `end`: dissipated, supplied, |supplied|,
-        ∫ż; shape (4, ...).
-
-        Gauss quadrature with as many points as the polynomials have coefficients is exact.
-        """
-        x, w = np.polynomial.legendre.leggauss(
-            max(len(signal.coefficients) for signal in self.bounds.signals)
-        )
-        out = np.empty((4, len(k)))
-        for first in range(0, len(k), _CHUNK):
-            part = slice(first, first + _CHUNK)
-            start = self.time[k[part]]
-            half = 0.5 * (end[part] - self.time[k[part]])
-            z, rate, now = self._state(start + half * (x[:, None] + 1.0), k[part])
-            threshold = np.where(self.mode[k[part]] > 0, now.plus.value, now.minus.value)
-            power = -now.load.rate * z
-            out[:, part] = half * np.stack(
-                [w @ f for f in (threshold * np.abs(rate), power, np.abs(power), rate)]
-            )
-        return out
-
-    def _violations(self) -> tuple[float, float, float]:
-        """Largest excess of the force over its threshold (or, in motion, distance from it), its
-        blur, largest force.
-
-        Taken from what the user gave, not from the polynomials made of it.
-        """
-        excess = force = blur = 0.0
-        x, _ = np.polynomial.legendre.leggauss(3)
-        for first in range(0, len(self.mode), _CHUNK):
-            k = np.arange(first, min(first + _CHUNK, len(self.mode)))
-            # Inside an interval of a few roundings there is no time that is safely on its side of a
-            # jump.
-            k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
-            t = self._middle(k) + 0.5 * (self.time[k + 1] - self.time[k]) * x[:, None]
-            load, minus, plus = (signal.source(signal.clock(t)) for signal in self.bounds.signals)
-            z, _, now = self._state(t, k)
-            pull = load - self.bounds.stiffness * z
-            steepest = np.abs(now.load.rate) + np.maximum(
-                np.abs(now.plus.rate), np.abs(now.minus.rate)
-            )
-            blur = max(
-                blur, float(np.max(_SPACINGS * np.spacing(np.abs(t)) * steepest, initial=0.0))
-            )
-            mode = np.broadcast_to(self.mode[k], pull.shape)
-            beyond = np.maximum(pull - plus, -minus - pull)
-            beyond = np.select(
-                [mode > 0, mode < 0], [np.abs(pull - plus), np.abs(pull + minus)], beyond
-            )
-            excess = max(excess, float(np.max(beyond, initial=0.0)))
-            force = max(
-                force, *(float(np.max(np.abs(f), initial=0.0)) for f in (pull, plus, minus))
-            )
-        return excess, blur, force
+    @cached_property
+    def motion(self) -> PlayMotion:
+        """Position, rate and signals at any time, and integrals."""
+        return PlayMotion(self.bounds, self.time, self.z, self.mode)
 
     @cached_property
     def audit(self) -> PlayAudit:
         """Energy, work and violations, integrated anew from the nodes."""
-        k = np.arange(len(self.mode))
-        near = self._middle(k)
-        dissipated, supplied, modulus, change = self._integrate(k, self.time[1:])
-        before, after = (
-            self.bounds.load.sample(t, near).value for t in (self.time[1:], self.time[:-1])
-        )
-        # A jump has no duration: the load jumps first, then z falls down the energy, and what it
-        # loses is dissipated.
-        jumps = np.flatnonzero(self.time[1:] == self.time[:-1])
-        before[jumps] = after[jumps] = after[jumps + 1]
-        fall = self._energy(before, self.z[:-1]) - self._energy(before, self.z[1:])
-        dissipated[jumps] = fall[jumps]
-        change[jumps] = np.diff(self.z)[jumps]
-        work = np.concatenate([[0.0], -(after[1:] - before[:-1]) * self.z[1:-1]])
-        supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
-        # Nodes are rounded times: what an interval contributes is known to that part of it.
-        rounding = np.divide(
-            _SPACINGS * np.spacing(np.abs(self.time[1:])),
-            np.diff(self.time),
-            out=np.zeros(len(k)),
-            where=self.time[1:] > self.time[:-1],
-        )
-        energy_blur = float(np.sum(np.minimum(rounding, 1.0) * (dissipated + modulus)))
-        gap_blur = float(np.max(np.minimum(rounding, 1.0) * np.abs(np.diff(self.z))))
-        excess, blur, force = self._violations()
-        # The force is a difference of the load and a z, known to the rounding of these.
-        largest = float(np.max(np.abs([before, after])))
-        excess = max(excess - ROUNDING * largest, 0.0)
-        force = max(force, ENERGY_SCALE * largest)
-        return PlayAudit(
-            self._energy(np.append(after, before[-1]), self.z),
-            np.concatenate([[0.0], np.cumsum(dissipated)]),
-            supplied_at,
-            float(np.sum(modulus) + np.sum(np.abs(work))),
-            excess,
-            force,
-            float(np.max(np.abs(np.diff(self.z) - change))),
-            (energy_blur, blur, gap_blur),
-        )
-
-    def _energy(self, load: Array, z: Array) -> Array:
-        return 0.5 * self.bounds.stiffness * z**2 - load * z
+        return self.motion.audited()
 
     @property
     def dissipated(self) -> float:

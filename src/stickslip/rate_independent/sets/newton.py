@@ -260,8 +260,11 @@ class NormalSearch:
             if not all(np.isfinite(x).all() for x in (rest, here.hessian, slopes, bends)):
                 return None
             if held is None:
+                # The multipliers of the kinks, at first by least squares.
                 held = np.linalg.lstsq(slopes.T, -rest, rcond=None)[0]
             bent = np.einsum("k,kij->ij", held, bends) / size
+            # The gradient of the Lagrangian and the kinks vanish together: Newton's method with the
+            # KKT matrix.
             corner = np.zeros((len(zeros), len(zeros)))
             matrix = np.block([[here.hessian + bent, slopes.T], [slopes, corner]])
             off = np.concatenate([rest + slopes.T @ held, size * zeros])

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
 Projection = Callable[[Array], tuple[Array, Array]]
-_DAMPED = 0.95  # part of the longest admissible gradient step
+_DAMPED = 0.95  # fraction of the longest admissible gradient step
 _MOST_NEWTON = 500  # steps in all
 _MOST_IDLE = 40  # steps without progress
 _SHORTEST_SHARE = 2.0**-12  # of a Newton step
-_ENOUGH = 1e-11
+_ENOUGH = 1e-11  # accepted residual, relative to the sizes of ξ and y
 # exchanges of whole blocks without progress before one index at a time is exchanged
 _BLOCK_TRIALS = 3
 _NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier remains as it is
@@ -44,7 +44,8 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
         return xi.copy()
     size = max(np.abs(xi).max(), np.abs(lower).max(), np.abs(upper).max())
     slack = FEW_ROUNDINGS * size
-    push = FEW_ROUNDINGS * size * np.abs(M).sum(axis=1).max()
+    force_slack = FEW_ROUNDINGS * size * np.abs(M).sum(axis=1).max()
+    # −1 at the lower bound, 1 at the upper one, 0 free
     held = np.where(xi < lower, -1, np.where(xi > upper, 1, 0))
     pinned = lower == upper
     held[pinned] = -1
@@ -54,12 +55,15 @@ def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:
         free = held == 0
         y = np.where(held < 0, lower, upper)
         if free.any():
+            # With the other components at their bounds, the force on the free ones vanishes.
             pull = (M[free] @ xi) - M[np.ix_(free, ~free)] @ y[~free]
             y[free] = cho_solve(cho_factor(M[np.ix_(free, free)]), pull)
         force = M @ (xi - y)
         below = free & (y < lower - slack)
         above = free & (y > upper + slack)
-        off = ~pinned & (((held < 0) & (force > push)) | ((held > 0) & (force < -push)))
+        off = ~pinned & (
+            ((held < 0) & (force > force_slack)) | ((held > 0) & (force < -force_slack))
+        )
         wrong = np.flatnonzero(below | above | off)
         if not len(wrong):
             return np.clip(y, lower, upper)
@@ -98,7 +102,7 @@ def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
     diagonal, shapes (m, k).
 
     1/|u| is concave and increasing in λ, so that Newton's method for 1/|u| = 1 from λ = 0 goes up
-    to the root and not beyond. A component without load has none of u.
+    to the root and not beyond. Components whose load is 0 are 0 in u.
     """
     eigenvalues = np.where(load != 0.0, eigenvalues, 1.0)
     multiplier = np.zeros(len(load))
@@ -111,6 +115,7 @@ def secular(load: Array, eigenvalues: Array) -> tuple[Array, Array]:
         u[open_] = v = load[open_] / shifted
         square = np.square(v).sum(axis=1)
         length = np.sqrt(square)
+        # since d|u|/dλ = −Σ (uᵢ²/(bᵢ + λ))/|u|
         step = (length - 1.0) * square / (np.square(v) / shifted).sum(axis=1)
         multiplier[open_] += np.maximum(step, 0.0)
         open_ = open_[(step > _NO_STEP * multiplier[open_]) & (length - 1.0 > _ON_SPHERE)]
@@ -122,7 +127,7 @@ def nearest_in_hull(points: Array, xi: Array, M: Array | None = None) -> Array:
     active set."""
     weights = weights_in_hull(points, xi, M)
     base, *others = np.flatnonzero(weights)
-    # Once more, on the face that was found, with all digits.
+    # Solved again on the face that was found, to full accuracy.
     if others:
         rest = points - xi if M is None else (points - xi) @ np.linalg.cholesky(M)
         share = np.linalg.lstsq((rest[others] - rest[base]).T, -rest[base], rcond=None)[0]
@@ -159,7 +164,7 @@ def nearest_in_polyhedron(
 def nearest_and_faces(
     normals: Array, offsets: Array, xi: Array, M: Array | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """The y with normals y ≤ offsets nearest to ξ, and which faces hold it.
+    """The y with normals y ≤ offsets nearest to ξ, and which faces are active.
 
     By the least distance program of Lawson and Hanson, chapter 23.
     """
@@ -172,7 +177,7 @@ def nearest_and_faces(
     rows /= np.linalg.norm(rows, axis=1)[:, None]
     weights = nonnegative_least_squares(rows.T)
     active = weights > 0
-    # The faces that hold it are known: the nearest point of their intersection, with all digits.
+    # The active faces are known: the nearest point of their intersection, to full accuracy.
     step = np.linalg.lstsq(G[active], beyond[active], rcond=None)[0]
     y = xi + (step if M is None else np.linalg.solve(np.linalg.cholesky(M).T, step))
     left = float((normals @ y - offsets).max())
@@ -213,11 +218,11 @@ def nearest_in_metric(
 
     y is nearest if it is the projection of y − γM(y − ξ). That is solved by semismooth Newton
     steps; since M is positive definite, they converge quadratically from nearby even where the
-    projection has a kink. From afar they are kept on their way by the forward-backward envelope, a
-    function with the same minimiser that a projected gradient step always decreases: a step is
-    shortened until it decreases it, too, and replaced by that one if it never does (P. Patrinos, L.
-    Stella and A. Bemporad, *Forward-backward truncated Newton methods for convex composite
-    optimization*, 2014).
+    projection has a kink. They are globalised by the forward-backward envelope, a function with the
+    same minimiser that every projected gradient step decreases: a Newton step is shortened until it
+    decreases the envelope, and replaced by a projected gradient step if it never does
+    (P. Patrinos, L. Stella and A. Bemporad, *Forward-backward truncated Newton methods for convex
+    composite optimization*, 2014).
 
     Parameters
     ----------
@@ -237,7 +242,8 @@ def nearest_in_metric(
     identity = np.eye(len(xi))
 
     def at(y: Array) -> Iterate:
-        # A projected gradient step of ½⟨M(y − ξ), y − ξ⟩; the envelope is what it promises.
+        # A projected gradient step of ½⟨M(y − ξ), y − ξ⟩. The envelope is the least value on the
+        # set of the linear model plus |rest|²/(2γ).
         pull = M @ (y - xi)
         image, slope = project(y - step * pull)
         rest = image - y
@@ -307,18 +313,17 @@ def nearest_by_support(
     accuracy: float = 0.0,
     sure: float = 1e-9,
 ) -> Array:
-    """The point of K(s) nearest to ξ from points of K(s) that are exposed in the direction in which
-    ξ still lies.
+    """The point of K(s) nearest to ξ, by the support function alone (fully corrective Frank-Wolfe):
+    the nearest point y of the hull of known points, to which the one exposed by d is added.
 
-    With d = M(ξ − y), the support function bounds what is left to gain: |y − y*|²_M ≤ Ψ(s, d) − ⟨d,
-    y⟩.
+    With d = M(ξ − y), the duality gap bounds the error: |y − y*|²_M ≤ Ψ(s, d) − ⟨d, y⟩.
 
     Parameters
     ----------
     known : list of ndarray, optional
         Points of K(s) to start from; those that are found are added.
     accuracy : float
-        Relative error of the distance that will do; by default as little as possible.
+        Accepted relative error of the distance; by default as small as possible.
     sure : float
         Largest error of the distance, as a multiple of the size of K(s).
 

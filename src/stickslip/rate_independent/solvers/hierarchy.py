@@ -107,6 +107,7 @@ class Factor:
         ).toarray()
         diagonal = np.diagonal(H)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        # With a unit diagonal the ridge means the same for every unknown.
         H *= np.outer(scale, scale)
         ridge = _RIDGE
         while True:

@@ -85,6 +85,7 @@ def _check_definite(A: Any) -> None:
         pivots = np.square(np.diag(np.linalg.cholesky(A)))
     except np.linalg.LinAlgError:
         pivots = np.zeros(1)
+    # A pivot within the rounding errors of the factorisation is not known to be positive.
     if pivots.min() <= 4.0 * np.finfo(float).eps * len(A) * diagonal.max():
         raise _indefinite(f"its smallest eigenvalue is {np.linalg.eigvalsh(A)[0]:.6g}")
 

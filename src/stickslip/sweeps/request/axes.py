@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.system import System
 from stickslip.sweeps.request.records import Records
 from stickslip.symbolic.expressions import is_number, number
@@ -105,7 +105,10 @@ class Axis:
 
 
 def read_axes(
-    system: System, over: Mapping[str, Any] | Sequence[str], seed: int = 0
+    system: System,
+    over: Mapping[str, Any] | Sequence[str],
+    seed: int = 0,
+    known: Sequence[str] | None = None,
 ) -> tuple[Axis, ...]:
     """The axes that a user asks for, with all their values admissible.
 
@@ -116,6 +119,8 @@ def read_axes(
         column each); by any name that is free, records. A sequence holds texts ``NAME=VALUES``.
     seed : int
         Of the samples.
+    known : sequence of str, optional
+        Names that messages list, where not all may vary that do so in maps.
 
     Raises
     ------
@@ -134,7 +139,7 @@ def read_axes(
         if names.count(name) > 1:
             raise DeclarationError(f"over.{name}", "it varies along two axes", "Give it once only")
     for axis in axes:
-        _check_values(system, axis)
+        _check_values(system, axis, known)
     system.check_starts(names, "over")
     _check_corners(system, axes)
     if math.prod(len(axis) for axis in axes) > _MOST_POINTS:
@@ -327,7 +332,7 @@ def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> A
     return Axis(names, np.ascontiguousarray(values), spacing)
 
 
-def _check_values(system: System, axis: Axis) -> None:
+def _check_values(system: System, axis: Axis, known: Sequence[str] | None) -> None:
     """Refuse names that cannot vary and values outside a parameter's range."""
     declaration = system.declaration
     taken = {*system.parameters, *declaration.state, *system.drives}
@@ -342,11 +347,11 @@ def _check_values(system: System, axis: Axis) -> None:
             for value in (float(np.min(column)), float(np.max(column))):
                 declaration.check_range(name, value)
         elif not system.start_slope(name, "over"):
-            known = ", ".join([*system.parameters, *declaration.state])
+            listed = [*system.parameters, *system.starts] if known is None else known
             raise DeclarationError(
                 f"over.{short(name)}",
                 "unknown parameter or part of the state",
-                f"Known: {known}",
+                suggestion(name, listed),
             )
 
 

@@ -38,7 +38,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, listing, short, suggestion
 from stickslip.model.quantities import MEASURABLE, Measurable
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, STUCK
@@ -206,9 +206,8 @@ def _of_formula(system: System, measure: str) -> bool:
 def _named(system: System, measure: str) -> Named:
     name, _, of = measure.partition(":")
     if name not in MEASURES:
-        raise DeclarationError(
-            "measure", f"unknown measure '{name}'", f"Known: {', '.join(MEASURES)}"
-        )
+        known = suggestion(name, MEASURES, accepts=lambda x: _named(system, x))
+        raise DeclarationError("measure", f"unknown measure '{short(name)}'", known)
     known = {
         "component": system.declaration.state,
         "contact": list(system.rubbing),
@@ -219,10 +218,12 @@ def _named(system: System, measure: str) -> Named:
     if of and (MEASURES[name].said.of == "quantity" or _of_formula(system, measure)):
         remedy = "Declare it under 'outputs', and use its name"
         one_period.check_variable(of, f"measure.{name}", remedy)
-        read_formula(system, of, f"measure.{name}")
+        with listing(lambda x: _named(system, f"{name}:{x}")):
+            read_formula(system, of, f"measure.{name}")
     elif of and unknown and MEASURES[name].said.of != "weight":
-        remedy = f"Known: {', '.join(known)}" if known else f"Use '{name}'"
-        raise DeclarationError(f"measure.{name}", f"unknown quantity '{of}'", remedy)
+        remedy = suggestion(of, known, accepts=lambda x: _named(system, f"{name}:{x}"))
+        remedy = remedy if known else f"Use '{name}'"
+        raise DeclarationError(f"measure.{name}", f"unknown quantity '{short(of)}'", remedy)
     if name == "speed" and not of and not system.translation:
         raise DeclarationError(
             "measure.speed",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.equations.derive import derive
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.system import System
 from stickslip.motion.between.formulas import Along, read_formula
 from stickslip.orbits.cycles import over_period
@@ -47,7 +47,7 @@ def phase_to_drive(motion: Trajectory, of: str) -> float:
     turn = _turn(motion)
     own, found = phase(motion, of), np.nan
     with suppress(DeclarationError):
-        drive = read_drive(system, of or next(iter(system.coordinates)))
+        drive = read_drive(system, of or system.declaration.state[0])
         found = float(relative_phase(own, phase_of_drive(system, drive, values, turn)))
     return found
 
@@ -176,7 +176,7 @@ def check_period_measure(system: System, name: str, of: str) -> None:
             "Name a component, like energy_per_distance:x",
         )
     if name == "relative_phase":
-        _check_drive(system, of or next(iter(system.coordinates), ""))
+        _check_drive(system, of or system.declaration.state[0])
 
 
 def _check_drive(system: System, of: str) -> None:
@@ -186,8 +186,8 @@ def _check_drive(system: System, of: str) -> None:
     try:
         text, formula = read_drive(system, of)
     except DeclarationError as error:
-        remedy = f"Name a coordinate: {', '.join(system.coordinates)}"
-        raise DeclarationError(where, error.reason, remedy) from None
+        known = suggestion("", system.places, accepts=lambda x: _check_drive(system, x))
+        raise DeclarationError(where, error.reason, known) from None
     if not _oscillates(formula):
         raise DeclarationError(
             where, f"{text} does not oscillate", f"Use 'phase:{of}', which is relative to t = 0"

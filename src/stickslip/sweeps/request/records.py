@@ -21,11 +21,11 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
-from stickslip.model.entries.columns import ENDINGS
 from stickslip.model.entries.samples import SampleKind, Samples
 from stickslip.model.entries.units import with_unit
+from stickslip.model.formats.columns import ENDINGS
+from stickslip.model.formats.expected import entry_key
 from stickslip.model.names import check_covered, parts_left_out
-from stickslip.model.schema import entry_key
 from stickslip.model.system import Parameter, System
 from stickslip.symbolic.formulas import parse_signature
 

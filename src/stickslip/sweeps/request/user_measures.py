@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, StickslipError, short
+from stickslip.errors import DeclarationError, StickslipError, listing, short, suggestion
 from stickslip.model.quantities import described, described_as
 from stickslip.model.system import System
 from stickslip.sweeps.request.carry import CARRIED
@@ -144,7 +144,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
         asked = [asked]
     measures = tuple(_measure(system, item) for item in asked)
     if not measures:
-        raise DeclarationError("measure", "no measure was given", f"Known: {', '.join(MEASURES)}")
+        known = suggestion("", offered_measures(system))
+        raise DeclarationError("measure", "no measure was given", known)
     names = [variable(measure) for measure in measures]
     for name in names:
         if names.count(name) > 1:
@@ -248,7 +249,8 @@ def _formula(system: System, name: str, text: str) -> FormulaMeasure:
 
     plain = _OF_ONE.sub(called, text)
     names |= {given: ex.sym(measure) for measure, given in short_names.items()}
-    expression = Scope(names, vectors=vectors).parse(plain, f"measure.{name}")
+    with listing(lambda x: _formula(system, name, x)):
+        expression = Scope(names, vectors=vectors).parse(plain, f"measure.{name}")
     needs = tuple(n for n in measures if n in expression.symbols and n not in own)
     needs_close_look(system, needs)  # refuses what does not exist
     return FormulaMeasure(name, text, expression, needs)

@@ -126,6 +126,10 @@ def measure(
     if m.outcome[i] == PERIODIC:
         shorten(e, m, rules, saved, bench, i)
     copy_lane(saved, i, s, i)
+    if m.outcome[i] == PERIODIC:
+        # A cycle is a motion of its own, whose errors count beside its own size, even if a motion
+        # came to it from afar.
+        fill(s.seen[i], 0.0)
     stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
         fill(part, 0.0)
@@ -155,10 +159,16 @@ def measure(
         copy(record.mode[steps], record.mode[0])
         copy(record.region[steps], record.region[0])
         carried = 1
+    found.moves[i] = moves(rules, bench, bench.tally.state[LARGEST], not framed(m, i))
+    if m.outcome[i] in (AT_REST, STEADY):
+        # What dies out is a part of the whole motion, beside whose size it counts as nothing, here
+        # as when its rates were found to vanish.
+        for r in range(len(s.y[i])):
+            size = bench.tally.state[LARGEST, r]
+            bench.tally.state[LARGEST, r] = max(size, s.seen[i, r])
     conclude(e, bench, audit)
     feel(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
     m.felt[i] = difference(bench.felt)
-    found.moves[i] = moves(rules, bench, bench.tally.state[LARGEST], not framed(m, i))
     for r in range(bench.ends.shape[1]):
         found.shift[i, r] = s.y[i, r] - saved.y[i, r]
         m.size[i, r] = max(m.size[i, r], bench.ends[2, r])

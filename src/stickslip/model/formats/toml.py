@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
-from stickslip.model.schema import entry_key, wrong_kind
+from stickslip.model.formats.expected import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
 _MOST_OF_FILE = 200_000_000
