@@ -41,7 +41,12 @@ def pages() -> dict[str, str]:
 def cards() -> str:
     """The cards of all, for the overview."""
     return "\n".join(
-        gallery.card(f"examples/{name}", _title(name, path), path.relative_to(FOLDER).as_posix())
+        gallery.card(
+            f"examples/{name}",
+            _title(name, path),
+            path.relative_to(FOLDER).as_posix(),
+            drawn=bool(_pictures(name)),
+        )
         for name, path in found().items()
     )
 
@@ -99,8 +104,11 @@ def _told(path: Path, text: str) -> str:
 
 
 def _pictures(name: str) -> dict[str, str]:
-    """Files that an example draws, and where they are put: a program names its own."""
+    """Files that an example draws, and where they are put: a program names its own. Jobs take
+    minutes, or wait for a reader: tests run them, in a small size."""
     path = found()[name]
+    if path.suffix == ".py" and path.relative_to(FOLDER).parts[0] == "jobs":
+        return {}
     if path.suffix == ".toml":
         return {"picture.png": f"example-{name}.png"}
     drawn = re.findall(r"[\w-]+\.png", path.read_text(encoding="utf-8"))
@@ -122,6 +130,8 @@ def pictures(folder: Path) -> None:
 def _renew(name: str, folder: Path) -> None:
     """The pictures of an example, if it has changed."""
     path = found()[name]
+    if not _pictures(name):
+        return
     mark = folder / f"example-{name}.made-of"
     now = hashlib.sha256(path.read_bytes() + gallery.code().encode()).hexdigest()
     if mark.exists() and mark.read_text(encoding="utf-8") == now:
@@ -149,6 +159,8 @@ def _run(path: Path, place: Path) -> Path:
         timeout=_SECONDS,
     )
     assert ran.returncode == 0, ran.stderr
+    if not (place / "out").exists():
+        return place
     (drawn,) = (place / "out").iterdir()
     return drawn
 

@@ -42,15 +42,21 @@ def pages() -> dict[str, str]:
     return made | examples.pages() | {"gallery/index.md": overview}
 
 
-def card(page: str, title: str, under: str) -> str:
-    """What the overview shows of a page."""
+def card(page: str, title: str, under: str, *, drawn: bool = True) -> str:
+    """What the overview shows of a page.
+
+    Parameters
+    ----------
+    drawn : bool
+        Whether it has a picture.
+    """
     picture = page.replace("examples/", "example-")
+    shown = [f":img-top: pictures/{picture}-small.png", f":img-alt: {title}"]
     lines = [
         f":::{{grid-item-card}} {title}",
         f":link: {page}",
         ":link-type: doc",
-        f":img-top: pictures/{picture}-small.png",
-        f":img-alt: {title}",
+        *(shown if drawn else []),
         "",
         f"`{under}`",
         ":::",

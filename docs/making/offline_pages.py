@@ -29,7 +29,7 @@ PAGES = (
     OfflinePage(
         "belt_block",
         {"V": "0.1:1.3:13", "F_k": "0.3:0.9:7"},
-        "Stick-slip on a slow belt ends at a speed that depends on the kinetic friction.",
+        "From rest, a block ends in stick-slip on a slow belt, and slips for ever on a fast one.",
     ),
     OfflinePage(
         "rocking_toy",
@@ -44,7 +44,7 @@ PAGES = (
     OfflinePage(
         "jenkins_oscillator",
         {"P": "0.25:2:8", "omega": "0.6:1.4:9"},
-        "A dry damper softens the resonance, then limits it.",
+        "As the force grows, a dry damper slips, and the resonance moves to a lower frequency.",
     ),
     OfflinePage(
         "woodpecker",
