@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
 from importlib.util import find_spec
+from itertools import islice
+
+_MOST = 60  # names in a message
+_CLOSE = 5  # names that are tried as the closest one
 
 
 class StickslipError(Exception):
@@ -131,15 +135,23 @@ def suggestion(
         the argument counts.
     """
     names = list(dict.fromkeys(known))
-    if accepts is not None:
-        if _trying.get():
-            return ""  # of a name that is tried, nobody reads the message
-        check = _door.get() or accepts
-        names = [candidate for candidate in names if _is_accepted(check, candidate)]
-    close = get_close_matches(name, names, 1)
-    if close:
-        return f"Did you mean {quote}{close[0]}{quote}?"
-    return f"Known here: {some(names) or 'none'}"
+    check = None if accepts is None else _door.get() or accepts
+    if check is not None and _trying.get():
+        return ""  # of a name that is tried, nobody reads the message
+
+    def accepted(name: str) -> bool:
+        return check is None or _is_accepted(check, name)
+
+    close = next(filter(accepted, get_close_matches(name, names, _CLOSE)), None)
+    if close is not None:
+        return f"Did you mean {quote}{close}{quote}?"
+    # No more names are tried than are shown.
+    half = _MOST // 2
+    first = list(islice(filter(accepted, names), half))
+    others = names[names.index(first[-1]) + 1 :] if len(first) == half else []
+    last = list(islice(filter(accepted, reversed(others)), half))[::-1]
+    cut = others and len(last) == half and others.index(last[0]) > 0
+    return f"Known here: {', '.join([*first, *(['...'] if cut else []), *last]) or 'none'}"
 
 
 def _is_accepted(check: Check, name: str) -> bool:
@@ -153,7 +165,7 @@ def _is_accepted(check: Check, name: str) -> bool:
     return True
 
 
-def some(names: list[str], most: int = 60) -> str:
+def some(names: list[str], most: int = _MOST) -> str:
     """Names for a message, the first and the last ones if they are many."""
     shown = names if len(names) <= most else [*names[: most // 2], "...", *names[-most // 2 :]]
     return ", ".join(shown)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
         if across is not None:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
-        step = np.linalg.lstsq(matrix, right, rcond=NEARLY_SINGULAR)[0]
+        step = _least_squares(matrix, right)
         # A whole step more leaves rounding, which nothing can improve.
         last = bool(np.linalg.norm(orbit.F) <= _ROUNDED)
         better = _shortened(shooting, orbit, units, step, 1 if last else _HALVINGS)
@@ -104,6 +104,18 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
     if not miss <= CLOSED:
         raise NotClosed(shooting, orbit, miss)
     return orbit
+
+
+def _least_squares(matrix: Array, right: Array) -> Array:
+    """The shortest solution by QR decomposition with pivoting: with hundreds of unknowns it takes a
+    third of the time of singular values."""
+    from scipy.linalg import lstsq
+
+    if not np.all(np.isfinite(matrix)) or not np.all(np.isfinite(right)):
+        raise np.linalg.LinAlgError("the equations of a cycle are not finite")
+    given: Any = {"cond": NEARLY_SINGULAR, "lapack_driver": "gelsy", "check_finite": False}
+    found: Any = lstsq(matrix, right, **given)
+    return found[0]
 
 
 def _balanced(matrix: Array, right: Array) -> tuple[Array, Array]:

@@ -71,6 +71,35 @@ class AtAmplitude:
     measured: float
 
 
+def share_of(problem: Problem, mode: LinearMode, swinging: Swinging) -> float:
+    """Amplitude of a quantity relative to that of a mode, for small amplitudes.
+
+    Raises
+    ------
+    DeclarationError
+        If small oscillations of the mode do not change the quantity.
+    """
+    n = len(mode.shape)
+    names = problem.system.declaration.inertial
+    rest = dict(zip(names, map(float, mode.rest), strict=True))
+    still = problem.initial_state({**rest, **{f"d_{x}": 0.0 for x in names}})
+    slopes = swinging.gradient(still, problem.parameters)
+    by_place = float(slopes[:n] @ mode.shape)
+    by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
+    size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
+    size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
+    # Positions and velocities of a mode are a quarter of a period apart.
+    share = np.hypot(by_place, by_rate)
+    if not share > COMPUTED_ZERO * size:
+        raise DeclarationError(
+            "of",
+            f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "
+            f"change '{short(swinging.name)}'",
+            "Choose another quantity, or another mode",
+        )
+    return float(np.copysign(share, by_place))
+
+
 class Amplitudes:
     """Finds cycles of given amplitudes.
 
@@ -97,34 +126,12 @@ class Amplitudes:
         self.pieces = Pieces(self.problem.compiled.equations, EXCITATION)
         self._given = Pieces(self.pieces.equations)
         self._latest: tuple[Orbit, Cycle] | None = None
-        self.share = self._share()
+        self.share = share_of(self.problem, mode, swinging)
 
     def amplitude(self, orbit: Orbit) -> float:
         """Half the range of the coordinate."""
         low, high, _ = _ends(orbit.motion, self.swinging.along(orbit.motion))
         return 0.5 * (high - low)
-
-    def _share(self) -> float:
-        """Amplitude of the quantity relative to that of the mode, for small amplitudes."""
-        mode, n = self.mode, len(self.mode.shape)
-        names = self.system.declaration.inertial
-        rest = dict(zip(names, map(float, mode.rest), strict=True))
-        still = self.problem.initial_state({**rest, **{f"d_{x}": 0.0 for x in names}})
-        slopes = self.swinging.gradient(still, self.problem.parameters)
-        by_place = float(slopes[:n] @ mode.shape)
-        by_rate = mode.frequency * float(slopes[n : 2 * n] @ mode.shape)
-        size = float(np.abs(slopes[:n]) @ np.abs(mode.shape))
-        size += mode.frequency * float(np.abs(slopes[n : 2 * n]) @ np.abs(mode.shape))
-        # Positions and velocities of a mode are a quarter of a period apart.
-        share = np.hypot(by_place, by_rate)
-        if not share > COMPUTED_ZERO * size:
-            raise DeclarationError(
-                "of",
-                f"small oscillations of the mode with the frequency {mode.frequency:.6g} do not "
-                f"change '{short(self.swinging.name)}'",
-                "Choose another quantity, or another mode",
-            )
-        return float(np.copysign(share, by_place))
 
     # -- the first one -----------------------------------------------------------------------------
 

@@ -34,12 +34,12 @@ from stickslip.model.quantities import (
 )
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
-from stickslip.motion.problem import checked_values
+from stickslip.motion.problem import checked_values, pose
 from stickslip.numerics.levels import HARMONICS_KNOWN
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.over_period import harmonics_of
 from stickslip.orbits.return_map.recurrence import SHORTEST
-from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
+from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude, share_of
 from stickslip.orbits.studies.self_excitation import (
     EXCITATION,
     LinearMode,
@@ -284,13 +284,16 @@ def backbone(
         )
     chosen = modes[mode - 1]
 
-    def moved(name: str | None) -> Amplitudes:
+    problem = pose(excited, values)
+
+    def moved(name: str | None) -> Swinging:
         """Refuse a quantity that the mode does not move."""
         swinging = read_swinging(system, name, {**system.values, **values})
-        return Amplitudes(excited, values, chosen, swinging)
+        share_of(problem, chosen, swinging)
+        return swinging
 
     with listing(moved):
-        seeker = moved(of)
+        seeker = Amplitudes(excited, values, chosen, moved(of))
     wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
