@@ -6,9 +6,10 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from making import docstrings, markdown
-from stickslip.model import schema, system
+from stickslip.model import system
 from stickslip.model.entries.samples import Samples
 from stickslip.model.entries.tables import Table
+from stickslip.model.formats.expected import EXPECTED
 from stickslip.rate_independent.evolution.model import EvolutionModel
 from stickslip.structures.structure import Structure
 
@@ -78,7 +79,7 @@ def keys(cls: Any) -> list[list[str]]:
 
 def _held(annotation: str, kind: str) -> str:
     name = annotation.removesuffix(" | None")
-    known = schema._EXPECTED.get(name)  # the words of the messages
+    known = EXPECTED.get(name)  # the words of the messages
     if known and not name.startswith("table"):
         return known[0]
     if annotation.startswith("Mapping["):
