@@ -10,7 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.arrays import Array
-from stickslip.model.quantities import MEASURABLE
+from stickslip.model.quantities import MEASURABLE, described
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles.find_cycle import find_cycle
@@ -238,6 +238,31 @@ def test_root_mean_squares_are_those_of_a_wave() -> None:
     }
     for name, values in expected.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-6, err_msg=name)
+
+
+def test_crest_factors_are_those_of_a_wave() -> None:
+    """Of a sinusoid √2; of x + 1, if a is the amplitude of x, (1 + a)/√(1 + a²/2); of |x| + x, a
+    rectified sinusoid, 2; of a constant 1; of zero it does not exist."""
+    omega = np.array([0.7, 1.3, 2.0])
+    size = np.abs(1.0 / (1.0 - omega**2 + 0.2j * omega))
+    expected = {
+        "crest": np.sqrt(2.0),
+        "crest:x": np.sqrt(2.0),
+        "crest:d_x": np.sqrt(2.0),
+        "crest:-3*x": np.sqrt(2.0),
+        "crest:2*x*d_x": np.sqrt(2.0),
+        "crest:x + 1": (1.0 + size) / np.sqrt(1.0 + size**2 / 2.0),
+        "crest:-x - 1": (1.0 + size) / np.sqrt(1.0 + size**2 / 2.0),
+        "crest:abs(x) + x": 2.0,
+        "crest:-2": 1.0,
+        "crest:0*x": np.nan,
+    }
+    found = ss.sweep(LINEAR, {"omega": omega}, [*expected], settings=Settings(tolerance=1e-9))
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], np.broadcast_to(values, 3), rtol=1e-6, err_msg=name)
+    toy = ss.catalogue.rocking_toy()
+    units = {name: described(toy, name)["units"] for name in ("crest:x_R", "crest:d_x_R")}
+    assert units == {"crest:x_R": "1", "crest:d_x_R": "1"}
 
 
 def test_every_measure_is_described() -> None:

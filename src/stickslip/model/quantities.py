@@ -479,6 +479,7 @@ MEASURABLE: dict[str, Measurable] = {
     "rms": Measurable(
         "root mean square", _quantity, "quantity", least=0.0, of_a_span=True, of_any=True
     ),
+    "crest": Measurable("crest factor", _none, "quantity", least=1.0, of_a_span=True, of_any=True),
     "harmonic": Measurable("amplitude of the first harmonic", _quantity, "quantity", least=0.0),
     "phase": Measurable(
         "phase of the first harmonic", _radian, "quantity", least=-math.pi, most=math.pi

@@ -76,9 +76,9 @@ MeasureOptions = Annotated[
         "--measure",
         metavar="MEASURE",
         help="Measure: period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-        "switches, mean, rms, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g "
-        "..., also of one part as in amplitude:psi; 'name = formula' of these; "
-        "file.py:function; may be repeated.",
+        "switches, mean, rms, crest, harmonic, relative_phase, energy_per_distance, "
+        "cost_of_transport:m*g ..., also of one part as in amplitude:psi; "
+        "'name = formula' of these; file.py:function; may be repeated.",
     ),
 ]
 Out = Annotated[

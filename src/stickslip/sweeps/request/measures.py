@@ -9,8 +9,9 @@ of the time in which all contacts stick, or ``stick_fraction:contact``), ``peak_
 ``mean_force`` (largest |λ| and mean λ; over all contacts the largest |λ|, or
 ``peak_force:contact``; in a plane the mean is of one component, ``mean_force:table 1``),
 ``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean`` and ``rms`` (its
-time average, and its root mean square), ``shift`` (its change), ``state`` (its value at the
-beginning of the measured part), ``time`` (of that beginning) and ``duration`` (of that part).
+time average, and its root mean square), ``crest`` (the crest factor: its largest absolute value
+divided by its root mean square), ``shift`` (its change), ``state`` (its value at the beginning of
+the measured part), ``time`` (of that beginning) and ``duration`` (of that part).
 
 In place of a component there may be an output, an unknown of a structure, a force or any other
 formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,

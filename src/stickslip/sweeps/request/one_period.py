@@ -63,6 +63,13 @@ def root_mean_square(motion: Trajectory, of: str) -> float:
     return math.sqrt(over_period.mean(motion, f"({name})**2")[0])
 
 
+def crest(motion: Trajectory, of: str) -> float:
+    """Largest absolute value divided by the root mean square; NaN of what is zero throughout."""
+    name = of or motion.system.declaration.state[0]
+    size = root_mean_square(motion, name)
+    return max(map(abs, _ends(motion, name))) / size if size else np.nan
+
+
 def low(motion: Trajectory, of: str) -> float:
     """The least value of a formula."""
     return _ends(motion, of)[0]
@@ -136,6 +143,7 @@ RULES: Mapping[str, PeriodRule] = {
     "state": state,
     "mean": mean_value,
     "rms": root_mean_square,
+    "crest": crest,
     "harmonic": harmonic,
     "phase": phase,
     "relative_phase": phase_to_drive,
