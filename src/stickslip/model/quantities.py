@@ -427,9 +427,11 @@ class Measurable(NamedTuple):
     least, most : float, optional
         Its bounds, where they are known.
     of_a_span : bool
-        Whether the part of a motion that a drive lasts has it, where nothing converges.
+        Whether it exists if the drive is known for a limited time, as an earthquake record is: the
+        declared span is measured then.
     of_any : bool
-        Whether formulas have it whatever a motion has converged to, or if it has not.
+        Whether that of a formula exists for every outcome, also at rest and if the motion has not
+        converged; otherwise only for cycles and steady sliding.
     """
 
     meaning: str
