@@ -37,11 +37,13 @@ demo: .venv/ready machine-code
 
 test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --quiet --check .
 	$(BIN)/pyright
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart 1
 
 test-fast: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --quiet --check .
 	$(BIN)/pytest -q -n 2 $(FAST)
 
 docs: .venv/ready-for-docs machine-code
