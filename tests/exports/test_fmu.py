@@ -354,7 +354,7 @@ def test_the_tolerance_makes_it_more_accurate_only(tmp_path: Path) -> None:
         (lambda p: ss.export(block(), p / "a.fmu", "y"), "unknown output 'y'"),
         (lambda p: ss.export(block(), p / "none" / "a.fmu"), "cannot be written"),
         (lambda p: ss.export(block(), p / "a.csv"), "Simulate it first"),
-        (lambda p: ss.export(block(), p / "a.xyz"), "Use .fmu or .py"),
+        (lambda p: ss.export(block(), p / "a.xyz"), "Use .fmu, .py or .html"),
         (lambda p: ss.export(ss.simulate(block()), p / "a.fmu"), "Export the system"),
         (
             lambda p: ss.export(ss.catalogue.spring_slider(), p / "a.fmu", inputs=["ell"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import stickslip as ss
 from stickslip.model.quantities import quantity
 from stickslip.model.system_file import loads
 from stickslip.motion.problem import pose
+from stickslip.motion.steps.starting import secular_root
 
 NAMES = ["puck", "turntable", "conveyor", "isolated_floor", "planar_jenkins", "tractrix"]
 
@@ -219,3 +221,44 @@ def test_values_in_a_slip_that_begins_with_no_acceleration(seed: int) -> None:
         end, between = ss.simulate(system, (0, float(t))).final, motion.at(t)
         for name in ("x", "y", "a", "d_x", "d_y", "d_a"):
             assert between[name] == pytest.approx(end[name], rel=1e-9, abs=1e-15), name
+
+
+@pytest.mark.parametrize("kind", ["full", "rank one", "along an axis", "none"])
+@pytest.mark.parametrize("seed", range(8))
+def test_directions_of_slips_that_begin_solve_their_equation(kind: str, seed: int) -> None:
+    """(ρ + D) n = w with |n| = 1 and ρ > 0 has one solution, in half axes of any ratio."""
+    rng = np.random.default_rng(seed)
+    wide = float(10.0 ** rng.uniform(-4.0, 4.0))
+    F = rng.normal(size=(2, 2))
+    n = rng.normal(size=2)
+    if kind == "rank one":
+        F[1] = 0.0
+    elif kind == "along an axis":
+        F = np.diag(np.diag(F))
+        n[seed % 2] = 0.0
+    elif kind == "none":
+        F *= 0.0
+    F = F @ np.diag([1.0, wide])
+    D = F.T @ F
+    n = F[0] if kind == "rank one" else n
+    n /= np.linalg.norm(n)
+    rho = float(10.0 ** rng.uniform(-3.0, 1.0))
+    w = rho * n + D @ n
+    solve: Any = secular_root.python
+    *found, least = solve(D[0, 0], D[0, 1], D[1, 1], *w, wide)
+    size = float(np.linalg.norm(w) + np.linalg.norm(D))
+    np.testing.assert_allclose((least * np.eye(2) + D) @ found, w, atol=1e-13 * size)
+    assert np.linalg.norm(found) == pytest.approx(1.0, abs=1e-14)
+    assert least == pytest.approx(rho, abs=1e-13 * size)
+    if kind == "along an axis":
+        assert found[seed % 2] == 0.0
+
+
+@pytest.mark.parametrize("side", [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)])
+def test_below_the_threshold_nothing_begins(side: tuple[float, float]) -> None:
+    for a, c in ((0.02, 44.0), (44.0, 0.02), (3.0, 3.0), (1.0, 0.0), (0.0, 1.0)):
+        w = 0.7 * a * side[0], 0.7 * c * side[1]
+        solve: Any = secular_root.python
+        found = solve(a, 0.0, c, *w, 1.0)
+        assert np.all(np.isfinite(found))
+        assert found[2] <= 0.0

@@ -558,13 +558,15 @@ def secular_root(
         return 1.0, 0.0, -low
     # What is zero in (x, y) and D stays zero in n: no axes of D are computed.
     if moves_along_one(a, b, c, x, y, wide):
-        n, m = (a, b) if a * abs(wide) >= abs(b) else (b, c)
+        n, m = (a, b) if a >= c else (b, c)
         side = math.copysign(math.hypot(n, m), n * x + m * y)
         n, m = n / side, m / side
         return n, m, n * x + m * y - 2.0 * middle
     # 1/|(ρ + D)⁻¹(x, y)| is increasing and concave: Newton's method from the right stays there.
     rho = size - low
     for _ in range(_MOST_TURNS):
+        if not rho + low > 4.0 * EPSILON * middle:
+            return x / size, y / size, rho  # nothing begins: the force is below the threshold
         n, m = solved(a, b, c, rho, x, y)
         length = math.hypot(n, m)
         p, q = solved(a, b, c, rho, n, m)
@@ -591,7 +593,7 @@ def solved(a: float, b: float, c: float, rho: float, x: float, y: float) -> tupl
 def moves_along_one(a: float, b: float, c: float, x: float, y: float, wide: float) -> bool:
     """Whether D, without the axes, has rank 1 and (x, y) is in its image."""
     b, c, y = b / wide, c / (wide * wide), y / wide
-    if not a * c - b * b <= _RANK_ONE * (a + c) * (a + c):
+    if not a + c > 0.0 or not a * c - b * b <= _RANK_ONE * (a + c) * (a + c):
         return False
     n, m = (a, b) if a >= c else (b, c)
     return abs(n * y - m * x) <= _RANK_ONE * math.hypot(n, m) * math.hypot(x, y)
