@@ -35,6 +35,9 @@ demo: .venv/ready machine-code
 	@echo
 	@echo "Play with it:  $(BIN)/stickslip explore"
 
+# Two processes run the tests: threads of NumPy's linear algebra in each would wait for each other.
+test test-fast: export OPENBLAS_NUM_THREADS = 1
+
 test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --quiet --check .
