@@ -22,6 +22,7 @@ def pages() -> dict[str, str]:
     places = [_RESULTS / f"{name}.md" for name in (*_ORDER, *others)]
     tables = "\n".join(_deeper(p.read_text(encoding="utf-8")) for p in places if p.exists())
     tables = re.sub(r"\]\((\w+\.png)\)", r"](../../benchmarks/results/\1)", tables)
+    tables = re.sub(r"\[([^\]]+)\]\(\w+\.md\)", r"\1", tables)  # these are on the same page
     return {
         "wrong.md": markdown.filled("wrong", **_sections("benchmarks/results/wrong.md")),
         "generated/benchmarks.md": markdown.filled("benchmarks", tables=tables),
