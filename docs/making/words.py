@@ -48,7 +48,8 @@ WORDS: Mapping[str, str] = {
     "how-to/ring-down": "ring-down, free decay, free vibration, logarithmic decrement, "
     "damping ratio, amplitude-dependent damping",
     "how-to/backbone": "backbone, nonlinear mode, modal damping, frequency over amplitude",
-    "how-to/branches": "periodic orbit, periodic motion, limit cycle, bifurcation diagram, "
+    "how-to/branches": "find periodic motion, periodic orbit, periodic motion, limit cycle, "
+    "bifurcation diagram, "
     "continuation, bifurcation, Hopf",
     "how-to/maps": "parameter map, two parameters, parameter study, parameter sweep, "
     "basin of attraction, basin",
@@ -71,7 +72,7 @@ WORDS: Mapping[str, str] = {
     "how-to/notebooks": "notebook, jupyter",
     "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
     "how-to/not-certified": "not certified, certified",
-    "theory/certificates": "accuracy, tolerance, error bound, certificate, proof",
+    "theory/certificates": "accurate, accuracy, tolerance, error bound, certificate, proof",
     "theory/germs": "event detection, mode change, switching",
     "theory/cycles": "multipliers, saltation, Floquet, stability of a cycle",
     "theory/averaging": "averaging, homogenisation",

@@ -36,7 +36,8 @@ from stickslip.translator import compiled
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
 # what is solved for (two rows), the order p, what else is kept for a while, and what of the
 # velocity is not in Z V (two rows); then the direction and the right-hand side of the third part
-# of a face (:mod:`stickslip.motion.steps.face_onset`), and both half axes, in columns 0 and 1.
+# of a face (:mod:`stickslip.motion.steps.face_onset`), and both half axes, in columns 0 and 1, with
+# 1 in column 2 if there are any.
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ, AXES = range(14)
 _ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 
@@ -108,6 +109,26 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
             table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
 
 
+@compiled(brief=True)
+def has_axes(rows: Rows, p: int) -> bool:
+    """Whether Au of a contact in a plane is not u itself."""
+    c = rows.planes[p, LEAD]
+    found = False
+    for i in range(2):
+        found = found or rows.u[directions_of(rows, c)[i]] != rows.planes[p, AHEAD + i]
+    return found
+
+
+@compiled()
+def note_axis(flow: Flow, table: Array, p: int, i: int) -> None:
+    """Note a half axis of a contact in a plane, by rates of Au and of u that are not zero."""
+    rows = flow.rows
+    rate = table[rows.planes[p, AHEAD + i], 1]
+    plain = table[rows.u[directions_of(rows, rows.planes[p, LEAD])[i]], 1]
+    if plain != 0.0 and rate != 0.0:
+        flow.space.aims[AIMS * p + AXES, i] = rate / plain
+
+
 @compiled()
 def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """What (Au)₁ is without friction, and what each component of each direction adds to it.
@@ -131,6 +152,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
             aims[r, 0] = 1.0  # a gradient has no value at 0
         if r % AIMS == AXES:
             aims[r, 0] = aims[r, 1] = 1.0
+            aims[r, 2] = 1.0 if has_axes(rows, r // AIMS) else 0.0
     for probe in range(-1, 2 * planes):
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
@@ -145,9 +167,8 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         for p in range(planes):
             for i in range(2):
                 rate = table[rows.planes[p, AHEAD + i], 1]
-                plain = table[rows.u[directions_of(rows, rows.planes[p, LEAD])[i]], 1]
-                if plain != 0.0 and rate != 0.0:
-                    aims[AIMS * p + AXES, i] = rate / plain
+                if aims[AIMS * p + AXES, 2] > 0.0:
+                    note_axis(flow, table, p, i)
                 if probe < 0:
                     aims[AIMS * p + BX + i, 0] = rate
                 else:
