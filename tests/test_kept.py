@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import stickslip
-from stickslip.kept import cached_property, made_once
+from stickslip.kept import cached_property, kept, made_once
 
 SOURCES = Path(stickslip.__file__).parent
 
@@ -76,3 +76,23 @@ def test_few_are_kept_where_few_are_asked_for(most: int) -> None:
     for k in range(10):
         assert made_once(pair, "squares", lambda k=k: k * k, k, most) == k * k
         assert len(vars(pair)["_kept"]["squares"]) <= most
+
+
+def test_another_thread_may_discard_what_has_just_been_made() -> None:
+    """What was made is returned all the same. Here the key does, between two looks, what a thread
+    does at a bad moment."""
+
+    class Owner:
+        pass
+
+    class Key:
+        looks = 0
+
+        def __hash__(self) -> int:
+            self.looks += 1
+            if self.looks > 2:
+                kept(owner, "numbers").clear()
+            return 1
+
+    owner = Owner()
+    assert made_once(owner, "numbers", lambda: 7, Key(), most=4) == 7

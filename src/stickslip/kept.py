@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
 T = TypeVar("T")
+_MISSING: Any = object()
 
 
 class _Kept(dict[str, dict[Any, Any]]):
@@ -47,11 +48,13 @@ def made_once(
         How many to keep, where the keys are numbers that may take any value.
     """
     known = kept(owner, kind)
-    if key not in known:
-        if len(known) == most:
-            known.clear()
-        known[key] = make()
-    return known[key]
+    found = known.get(key, _MISSING)
+    if found is _MISSING:
+        found = make()
+        if most is not None and len(known) >= most:
+            known.clear()  # also what another thread has just put there, and has
+        known[key] = found
+    return found
 
 
 class cached_property(Generic[T]):

@@ -394,7 +394,7 @@ class Declaration:
 def check_initial(
     declaration: Declaration, name: str, value: object, unknowns: Iterable[str] = ()
 ) -> None:
-    """Refuse an initial value of something that is no part of the state.
+    """Refuse an initial value of a name that is not part of the state.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ PLANAR = (
     "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane is a contact with a threshold and "
     "two directions, like direction = ['d_x', 'd_y']"
 )
-"""What to do instead of one direction that is no linear combination of rates."""
+"""The remedy for a direction that is not a linear combination of rates."""
 EXPECTED = {
     "str": ("a string", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
