@@ -1,4 +1,4 @@
-"""Quickly compiled code, which the other tests use, computes the same bits as code of more effort."""
+"""Quickly compiled code, which the other tests use, computes the same bits as thorough code."""
 
 from __future__ import annotations
 
