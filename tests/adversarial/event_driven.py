@@ -215,7 +215,7 @@ class Run:
             scores = []
             right = None
             for candidate in candidates:
-                least = self.probe(self.piece_of(*candidate[1:], contacts), h)[watched]
+                least = self.probe(self.piece_of(candidate[1], candidate[2], contacts), h)[watched]
                 scores.append(float(np.min(least, initial=np.inf)))
                 if scores[-1] >= -ZERO:
                     right = candidate
