@@ -19,7 +19,7 @@ _MOST_SPANS = 8  # not verified, that are named
 
 @dataclass(frozen=True)
 class Residual:
-    """A number that tells whether a result is right.
+    """A measured error of a result, with its limit.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class Residual:
         What is measured, such as ``"closure"``.
     value : float
     limit : float
-        Infinite where the number is told, but not judged.
+        Infinite if the value is reported without a limit.
     least : bool
         Whether the value has to stay above the limit; otherwise below.
     note : str
-        What the number is relative to, or what it could not see.
+        What the value is relative to, or what the measurement does not cover.
     """
 
     name: str
@@ -52,12 +52,12 @@ class Residual:
 
     @property
     def counts(self) -> bool:
-        """Whether it is a number of things of which there should be none."""
+        """Whether the value is a count that should be zero."""
         return self.limit == 0.0 and not self.least
 
     @property
     def fault(self) -> str:
-        """What is wrong with it, if it is not within its limit."""
+        """Description of the violation, if it is not within its limit."""
         if self.counts:
             return f"{self.name}: {self.value:g}"
         return f"{self.name} {self.value:.2e} {'below' if self.least else 'above'} {self.limit:.0e}"
@@ -72,18 +72,18 @@ class Residual:
 
 @dataclass(frozen=True)
 class Certificate:
-    """All that was measured of a result, and the verdict.
+    """Residuals of a result, with the verdict.
 
     Attributes
     ----------
     residuals : tuple of Residual
     outcome : str
-        How the computation ended, if not as it should.
+        How the computation ended, if it was not completed.
     unverified : tuple of (float, float)
-        Times between which the law could not be enclosed; the numbers hold there at the times
-        looked at only.
+        Time intervals in which the law could not be bounded; there, the residuals refer only to
+        sampled times.
     notes : tuple of str
-        What else is known: how finely it was looked, how large an error may be.
+        Further remarks, such as the sampling density or an error bound.
     """
 
     residuals: tuple[Residual, ...]
@@ -98,12 +98,12 @@ class Certificate:
 
     @property
     def lawful(self) -> bool:
-        """Whether what was computed obeys the law, however it ended."""
+        """Whether the computed part obeys the law, regardless of how the computation ended."""
         return not self.unverified and all(residual.ok for residual in self.residuals)
 
     @property
     def verdict(self) -> str:
-        """The verdict in words: what is not within its limits, or what all are within, and the
+        """The verdict: the residuals that exceed their limits, or the common limit and the
         notes."""
         if self.ok:
             return "; ".join([f"certified: {self._limits}", *self.notes])
@@ -162,7 +162,7 @@ class Certificate:
         return page.whole(page.paragraph(self.verdict), page.tabled(rows, headings))
 
     def describe(self) -> str:
-        """The verdict, and every residual on a line of its own."""
+        """The verdict, and one line for each residual."""
         return "\n".join(
             [self.verdict, *(f"  {residual.describe()}" for residual in self.residuals)]
         )

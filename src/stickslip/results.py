@@ -83,7 +83,7 @@ class Completion(Ended):
 
 @dataclass(frozen=True)
 class Summary:
-    """A result on a page, for people and for programs.
+    """Summary of a result, as text and as data.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Summary:
     rows : tuple of (str, str)
         Labels and texts.
     data : dict
-        The same and more as plain data: what ``summary.json`` holds.
+        Plain data, the content of ``summary.json``.
     good : bool
         Whether the computation is complete and certified.
     """
@@ -108,7 +108,7 @@ class Summary:
     __repr__ = __str__
 
     def to_json(self) -> str:
-        """The data as text; what is not finite is null."""
+        """The data as JSON; numbers that are not finite become null."""
         return json.dumps(storage.plain(self.data), indent=2, ensure_ascii=False)
 
     def _repr_html_(self) -> str:
@@ -227,7 +227,7 @@ class Result:
 
     @property
     def along(self) -> str:
-        """Dimension of the dataset over which quantities are drawn and tables run."""
+        """Dimension of the dataset along which quantities are plotted and tabulated."""
         return "time"
 
     @property
@@ -266,9 +266,9 @@ class Result:
         return flat(self._said.dataset, self.along)
 
     def summary(self) -> Summary:
-        """Outcome, numbers and certificate on a page.
+        """Outcome, key numbers and certificate.
 
-        Printed, it is a short table; ``.data`` is what ``summary.json`` holds.
+        It prints as a short table; ``.data`` is the content of ``summary.json``.
         """
         from stickslip import __version__
 
@@ -293,15 +293,15 @@ class Result:
         return Summary(said.title, rows, data, outcome.ok and certificate.ok)
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """A picture of the result.
+        """Plot the result.
 
         Parameters
         ----------
         *quantities : str
-            Variables of the dataset, a panel each; by default an overview of everything. Or one
-            name of a picture that was added (:func:`stickslip.figures.register`).
+            Variables of the dataset, one panel each; by default an overview. Or the name of a
+            registered plot (:func:`stickslip.figures.register`).
         ax : matplotlib.axes.Axes, optional
-            Draw into these axes of a figure of yours, all quantities together.
+            Existing axes to draw into, all quantities together.
 
         Returns
         -------
@@ -342,12 +342,13 @@ class Result:
     @classmethod
     @validated
     def open(cls, path: str | Path) -> Self:
-        """Read a stored result of this kind; nothing is computed again until it is asked for.
+        """Read a stored result of this kind; nothing is recomputed until needed.
 
         Raises
         ------
         StickslipError
-            If the file does not exist, or holds no result of this kind, or one of another format.
+            If the file does not exist, contains no result of this kind, or has an unsupported
+            format.
         """
         with storage.reading(path, cls.KIND, cls.FORMAT) as (data, parts):
             return cls.restored(data, parts, str(path))
@@ -365,7 +366,7 @@ class Result:
         return self._said.dataset, parts
 
     def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The part of that from which the result can be made again: by default all."""
+        """The stored parts from which the result can be restored: by default all."""
         return self.stored()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -375,8 +376,8 @@ class Result:
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """A result from the data and the other parts of a file, as texts. A field that files of
-        older versions do not contain has its default."""
+        """Restore a result from the data and the other parts of a file, as text. A field that files
+        of older versions do not contain has its default."""
         values = cls.fields_of(data)
         for name, part in cls.PARTS.items():
             if name in parts:

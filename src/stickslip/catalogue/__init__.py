@@ -1,4 +1,4 @@
-"""Systems of the literature, each declared in a file of its own.
+"""Systems from the literature, each declared in a separate file.
 
 >>> import stickslip as ss
 >>> ss.catalogue.names()[:3]
@@ -6,8 +6,7 @@
 >>> ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.1).name
 'spring_slider'
 
-A file here declares the function of its own name and is found by that name; there is no table to
-keep up.
+Each file declares a function of the same name, by which it is found; there is no list to maintain.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def names() -> list[str]:
 
 @validated
 def get(name: str, **given: Any) -> System:
-    """The system of that name.
+    """Return a system by name.
 
     Parameters
     ----------
@@ -50,7 +49,7 @@ def get(name: str, **given: Any) -> System:
     Raises
     ------
     DeclarationError
-        If there is no such system, or it does not accept what is given.
+        If there is no such system, or a given value is not accepted.
     """
     known = names()
     if name not in known:
@@ -63,8 +62,8 @@ def get(name: str, **given: Any) -> System:
 
 
 def about(name: str) -> tuple[str, str]:
-    """Title and source of a system. They are read off its file, so that a list of all systems
-    declares none; a structure would be assembled."""
+    """Title and source of a system, read from its file without declaring the system, which could
+    require the assembly of a structure."""
     text = Path(__path__[0], f"{name}.py").read_text(encoding="utf-8")
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):

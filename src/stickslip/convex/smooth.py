@@ -47,7 +47,7 @@ def smooth_dissipation(
     where : str
         What an error is about.
     like : Expr, optional
-        As of :func:`convex_formula`.
+        As in :func:`convex_formula`.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class RateProblem:
         speeds : list of Expr
             Of the surface.
         first : int
-            As of :meth:`sliding`.
+            As in :meth:`sliding`.
         """
         n = [ex.sym(f"n:{part}") for part in plane.parts]
         own = [part - first for part in plane.parts]

@@ -70,22 +70,22 @@ class VectorField:
 
     @cached_property
     def jacobian(self) -> list[list[str]]:
-        """Their derivatives with respect to the state, as formulas."""
+        """Derivatives of the rates with respect to the state, as formulas."""
         return [list(map(_text, row)) for row in self._field.jacobian]
 
     @cached_property
     def forces(self) -> dict[str, str]:
-        """The friction force of every contact, positive where it pushes forward, as formulas."""
+        """Friction force of every contact, as a formula; positive if it acts forward."""
         return {contact.name: _text(contact.force) for contact in self._declared}
 
     @validated
     def rates_at(self, values: Values | None = None) -> dict[str, float]:
-        """Rates at a point; names that are not given are where `at` is.
+        """Rates at a point; names that are not given have their values in `at`.
 
         Raises
         ------
         DeclarationError
-            If a name has no value, or a value has no name.
+            If a name has no value, or a value is given for an unknown name.
         """
         numbers = self._numbers(self._field.rates, values)
         return dict(zip(self.state, numbers, strict=True))

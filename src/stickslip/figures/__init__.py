@@ -1,5 +1,6 @@
-"""Pictures of results. Each result draws its own with ``plot()``; here are those of several results
-side by side, and parts to be drawn into axes of your own; :func:`register` adds one of yours.
+"""Plots of results. Each result has a method ``plot()``; this module contains plots that compare
+several results, and parts that can be drawn into existing axes. :func:`register` adds a
+user-defined plot.
 
 >>> import stickslip as ss
 >>> threshold = "1 + cos(2*pi*s)/2"

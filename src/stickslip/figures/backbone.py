@@ -49,7 +49,7 @@ def plot_backbone(
     names : sequence of str, optional
         Variables of the points; by default ``frequency``, and ``damping`` below.
     ax : matplotlib.axes.Axes, optional
-        Draw the first of them into these axes.
+        Existing axes to draw the first of them into.
 
     Raises
     ------

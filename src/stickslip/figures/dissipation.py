@@ -39,8 +39,8 @@ _HEIGHT = 4.8  # inches
 
 
 def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: str = "") -> Figure:
-    """Costs of unit motions over one phase with their averages; in the plane also K(s) at some
-    phases, and K_av.
+    """Plot the costs of unit motions over one phase with their averages; in the plane also K(s) at
+    some phases, and K_av.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: 
     sets : int
         Number of phases at which K(s) is drawn.
     unit : str
-        Unit of forces (``"dimensionless"`` if they have none); nothing is said of it if empty.
+        Unit of forces (``"dimensionless"`` if they have none); omitted if empty.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def plot_average(potential: Dissipation, average: Average, sets: int = 8, unit: 
 
 
 def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "") -> None:
-    """K(s) at evenly spaced phases, coloured by the phase, and K_av shaded; n = 2."""
+    """Draw K(s) at evenly spaced phases, coloured by the phase, and K_av shaded; n = 2."""
     phases = np.arange(sets if potential.depends_on_phase else 1) / sets
     colours = ListedColormap(mpl.colormaps["twilight"](np.linspace(0.12, 0.88, sets)))
     for k, s in enumerate(phases.tolist()):
@@ -108,8 +108,8 @@ def _with_unit(label: str, unit: str) -> str:
 
 
 def costs_over_phase(axes: Axes, potential: Dissipation, average: Average, unit: str = "") -> None:
-    """Ψ(s, e_i) over one phase, dashed its average Ψ_av(e_i), and dots where the cheapest motion
-    along e_i moves."""
+    """Draw Ψ(s, e_i) over one phase, its average Ψ_av(e_i) dashed, and dots at the phases at which
+    the cheapest motion along e_i moves."""
     n = potential.dimension
     phases = np.linspace(0.0, 1.0, _PHASES + 1)
     costs = unit_costs(potential, phases)
@@ -170,7 +170,7 @@ def unit_costs(potential: Dissipation, phases: Array) -> Array:
 
 
 def plot_path(resolved: Array, averaged: Array, period: float) -> Figure:
-    """A path in the plane, coloured by which component moves, on top of the averaged one.
+    """Plot a path in the plane, coloured by the moving component, on top of the averaged one.
 
     Parameters
     ----------

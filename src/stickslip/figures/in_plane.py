@@ -45,15 +45,15 @@ def path_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Of a figure of yours; its scales become equal.
+        Axes to draw into; their scales are made equal.
     motion : Trajectory
     contact : str
-        Which one; by default the first that is in a plane.
+        By default the first contact in a plane.
 
     Raises
     ------
     DeclarationError
-        If there is no such contact, or its directions change on the way, so that it has no path.
+        If there is no such contact, or its directions vary, so that it has no path.
 
     Examples
     --------
@@ -74,16 +74,16 @@ def path_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
 
 
 def force_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
-    """Draw the friction force of a contact in a plane, in the disc or ellipse of all forces that it
-    holds; where that changes on the way, in the least and the largest of them.
+    """Draw the friction force of a contact in a plane, inside the disc or ellipse of admissible
+    forces; if this set varies, draw the smallest and the largest one.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Of a figure of yours; its scales become equal.
+        Axes to draw into; their scales are made equal.
     motion : Trajectory
     contact : str
-        Which one; by default the first that is in a plane.
+        By default the first contact in a plane.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def plot_trajectory(
     Parameters
     ----------
     t : (float, float), optional
-        Window of the time.
+        Time window.
     coordinates : sequence of str, optional
         Those that are shown, with their rates and with the contacts that move them; internal
         variables, and outputs. By default all.

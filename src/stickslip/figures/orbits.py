@@ -67,7 +67,7 @@ def plot_branch(
         What is drawn over the parameter; by default the coordinates and internal variables that
         change, and the speed of gaits, at most three; the mean friction of what is pulled along.
     others : sequence of Branch
-        Of the same system and parameter, such as the cycles that are born on a branch of
+        Of the same system and parameter, such as the cycles that emanate from a branch of
         equilibria.
     ax : matplotlib.axes.Axes, optional
         Draw the first of the names into these axes.

@@ -51,7 +51,7 @@ def plot_play(play: Play, ax: Axes | None = None) -> Figure:
 
 
 def plot_limit(resolved: Play, averaged: Play) -> Figure:
-    """Two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M]
+    """Plot two plays side by side: one with an oscillating threshold, and its limit for ε → 0 ([M]
     figure 2.1).
 
     Parameters
@@ -77,7 +77,7 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
 
 
 def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
-    """Hysteresis loops over the load: single plays, and a weighted sum of plays
+    """Plot hysteresis loops over the load: single plays, and a weighted sum of plays
     (Prandtl–Ishlinskii).
 
     Parameters

@@ -63,7 +63,7 @@ def plot_records(
     measures : sequence of str, optional
         What is shown; by default all measures.
     ax : matplotlib.axes.Axes, optional
-        Draw the first of them into these axes.
+        Existing axes to draw the first of them into.
 
     Raises
     ------

@@ -70,7 +70,7 @@ def plot_response(
     names : sequence of str, optional
         Variables of the points; by default ``amplitude``, and ``phase`` below.
     ax : matplotlib.axes.Axes, optional
-        Draw the first of them into these axes.
+        Existing axes to draw the first of them into.
 
     Raises
     ------

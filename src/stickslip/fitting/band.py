@@ -96,7 +96,7 @@ class Band(Result):
 
     @property
     def outcome(self) -> Completion:
-        """That of the branch."""
+        """Outcome of the branch."""
         return self.branch.outcome
 
     @property
@@ -106,7 +106,7 @@ class Band(Result):
 
     @property
     def certificate(self) -> Certificate:
-        """That of the branch; deviations are to first order."""
+        """Certificate of the branch; standard deviations are first-order approximations."""
         return self.branch.certificate
 
     def _uncertain(self) -> list[str]:
@@ -138,7 +138,8 @@ class Band(Result):
         return [*points, *special, ("ended", self.branch.ended), *notes]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Amplitude over the parameter with its band, special points with their intervals."""
+        """Plot the amplitude over the parameter with its band, and special points with their
+        intervals."""
         from stickslip.figures.band import plot_band
 
         return plot_band(self, ax)

@@ -48,7 +48,7 @@ class Comparison(Result):
     fits : tuple of Fit
     dataset : xarray.Dataset
         Over ``model``: ``unknowns``, ``log_likelihood``, ``aicc``, ``difference`` (of AICc from the
-        least), ``weight`` (Akaike's), ``bic``, all with the same effective fraction of the data.
+        smallest), ``weight`` (Akaike's), ``bic``, all with the same effective fraction of the data.
     flat : dict of str to tuple of str
         For each model, the unknowns that the data do not determine.
     """
@@ -109,7 +109,7 @@ class Comparison(Result):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Those of the best fit."""
+        """Parameters of the best fit."""
         return self.best.parameters
 
     @property
@@ -157,7 +157,7 @@ class Comparison(Result):
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """The data with all fitted motions, and their residuals."""
+        """Plot the data with all fitted motions, and their residuals."""
         from stickslip.figures.fit import plot_comparison
 
         return plot_comparison(self, ax)

@@ -71,7 +71,7 @@ class Fit(Result):
 
     @cached_property
     def problem(self) -> FitProblem:
-        """The problem of least squares, with the noise that was estimated."""
+        """The least-squares problem, with the estimated noise."""
         return self._make()
 
     @property
@@ -94,18 +94,18 @@ class Fit(Result):
 
     @property
     def covariance(self) -> Array:
-        """Their covariance, shape (unknowns, unknowns)."""
+        """Covariance of the estimates, shape (unknowns, unknowns)."""
         return self.statistics.covariance
 
     @property
     def values(self) -> Array:
-        """The same as an array, shape (unknowns,)."""
+        """Estimates as an array, shape (unknowns,)."""
         return self.dataset["estimate"].values
 
     @cached_property
     def system(self) -> System:
-        """The system with the estimates as its numbers: equilibria, branches and maps follow. With
-        one recording, its initial values, too."""
+        """The system with the estimates as parameter values, for equilibria, branches and maps.
+        With one recording, also with its initial values."""
         parameters, initial = self.problem.values_at(self.values)
         system = self.declared.with_parameters(**parameters)
         if len(initial) > 1:
@@ -121,7 +121,7 @@ class Fit(Result):
 
     @property
     def trajectory(self) -> Trajectory:
-        """That of the first recording."""
+        """The fitted motion of the first recording."""
         return self.trajectories[0]
 
     # -- how well it is determined -----------------------------------------------------------------
@@ -142,8 +142,8 @@ class Fit(Result):
         -------
         xarray.Dataset
             Over ``value``: ``rise`` of −2 log(likelihood), and the other unknowns. Attributes:
-            ``limit``, below which the rise is in the interval of 95 %; ``low`` and ``high``, its
-            ends, infinite where the data do not bound it; ``flat``, whether they do not.
+            ``limit``, the rise at the ends of the 95 % interval; ``low`` and ``high``, these ends,
+            infinite if the data do not bound the interval; ``flat``, whether this is the case.
 
         Raises
         ------
@@ -156,8 +156,8 @@ class Fit(Result):
 
     @validated
     def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
-        """Random values of the unknowns from their estimated distribution: normal, within their
-        bounds.
+        """Draw random values of the unknowns from their estimated normal distribution, restricted
+        to their bounds.
 
         Parameters
         ----------
@@ -195,8 +195,8 @@ class Fit(Result):
         *,
         initial: Mapping[str, float] | None = None,
     ) -> Band:
-        """The branch of cycles of the fitted system over a parameter, with the uncertainty that
-        follows from the fit: of amplitudes, Hopf points, onsets of stick, folds.
+        """Follow a cycle of the fitted system over a parameter, with the resulting uncertainty of
+        amplitudes, Hopf points, onsets of stick, and folds.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class Fit(Result):
         span : (float, float)
             Its range.
         initial : mapping of str to float, optional
-            State from which the motion settles on the first cycle.
+            State from which the motion converges to the first cycle.
 
         Returns
         -------
@@ -213,7 +213,7 @@ class Fit(Result):
         Raises
         ------
         ConvergenceError
-            If there is no cycle to begin with.
+            If no first cycle is found.
         """
         from stickslip.fitting.band import cycles_with_band
 
@@ -263,7 +263,7 @@ class Fit(Result):
 
     @property
     def free(self) -> int:
-        """Unknowns, and columns whose noise is one."""
+        """Number of estimated quantities: the unknowns, and the noise of columns."""
         return len(self.names) + int(self.dataset.attrs["noises"])
 
     def facts(self) -> dict[str, Any]:
@@ -314,7 +314,7 @@ class Fit(Result):
         return found
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Data, fitted motion and residuals; in given axes the first column alone."""
+        """Plot data, fitted motion and residuals; only the first column if axes are given."""
         from stickslip.figures.fit import plot_fit
 
         return plot_fit(self, ax)

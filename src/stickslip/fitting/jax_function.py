@@ -23,7 +23,7 @@ def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
     Raises
     ------
     StickslipError
-        If JAX is not there.
+        If JAX is not installed.
     """
     try:
         jax: Any = import_module("jax")

@@ -59,7 +59,7 @@ def fit(
     Parameters
     ----------
     system, data, free, observe, noise, loss, parameters, initial, drives, time, rtol
-        As of :func:`fit_problem`.
+        As in :func:`fit_problem`.
     starts : int
         Number of starts: the given start, then points of a Sobol sequence within the bounds (or
         around the start if there are none).

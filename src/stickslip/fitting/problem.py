@@ -112,8 +112,8 @@ class FitProblem:
 
     @cached_property
     def groups(self) -> Array:
-        """Number of the column of each datum (columns of one name are one), −1 where its noise is
-        known."""
+        """Index of the column of each datum (columns of the same name count as one); −1 if its
+        noise is known."""
         names = list(dict.fromkeys(c.name for m in self.measured for c in m.columns))
         parts = [
             np.full(len(c.rows), -1 if c.noise is not None else names.index(c.name))
@@ -130,8 +130,8 @@ class FitProblem:
     # -- what optimisers and samplers ask for ------------------------------------------------------
 
     def residuals(self, p: Any) -> Array:
-        """(motion − data)/sigma; infinite where there is no such motion (:meth:`reason`), or their
-        squares would be.
+        """(motion − data)/sigma; infinite if the motion cannot be computed (:meth:`reason`), or
+        their squares would overflow.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class FitProblem:
         Raises
         ------
         DeclarationError
-            If `p` has another shape, or does not hold numbers.
+            If `p` has the wrong shape, or does not contain numbers.
         """
         found = self.evaluate(p)
         if found.reason:
@@ -163,13 +163,14 @@ class FitProblem:
         Raises
         ------
         NoDerivative
-            If the motion has none, or there is no motion.
+            If the motion cannot be computed, or has no derivative.
         """
         return self.slopes(p, touching=True)
 
     def slopes(self, p: Any, touching: bool) -> Array:
-        """The same; boundaries that are touched without being crossed, where one half of the
-        neighbours has other events, may be left unnoticed: a search does not come upon them."""
+        """The same as :meth:`jacobian`, except that boundaries that are touched without being
+        crossed, where half of the neighbouring motions have other events, may go unnoticed: a
+        search does not hit them."""
         p = self._checked(p)
         found = self.evaluate(p)
         if found.reason:
@@ -182,8 +183,8 @@ class FitProblem:
     def log_likelihood(self, p: Any) -> float:
         """Logarithm of the likelihood of the data under independent Gaussian noise.
 
-        Of columns whose noise is not known it is the largest one over all standard deviations
-        (concentrated). With a robust loss ρ(r²) stands for r². −inf where there is no motion.
+        It is maximised over the unknown standard deviations of columns (concentrated likelihood).
+        With a robust loss, ρ(r²) replaces r². −inf if the motion cannot be computed.
         """
         r = self.residuals(p)
         if not np.all(np.isfinite(r)):
@@ -200,12 +201,12 @@ class FitProblem:
         return total
 
     def log_likelihood_gradient(self, p: Any) -> Array:
-        """Its derivatives, shape (unknowns,).
+        """Gradient of the log-likelihood, shape (unknowns,).
 
         Raises
         ------
         NoDerivative
-            If the motion has none, or there is no motion.
+            If the motion cannot be computed, or has no derivative.
         """
         J, r = self.jacobian(p), self.residuals(p)
         weight = LOSSES[self.loss](r**2)[1]
@@ -215,13 +216,13 @@ class FitProblem:
         return -J.T @ (weight * r)
 
     def jax(self) -> Callable[[Any], Any]:
-        """The residuals as a function of JAX with derivatives in both directions, which may be
-        part of larger ones (needs the extra ``jax``; see docs/fits-elsewhere.md).
+        """The residuals as a JAX function with forward and reverse derivatives, which may be part
+        of larger functions (requires the extra ``jax``; see docs/fits-elsewhere.md).
 
         Raises
         ------
         StickslipError
-            If JAX is not there.
+            If JAX is not installed.
         """
         from stickslip.fitting.jax_function import as_jax
 
@@ -278,7 +279,7 @@ class FitProblem:
         return every
 
     def check_shape(self, shape: tuple[int, ...]) -> None:
-        """Refuse values of the unknowns of another shape than (unknowns,).
+        """Reject values of the unknowns whose shape is not (unknowns,).
 
         Raises
         ------
@@ -311,11 +312,11 @@ class FitProblem:
     # -- other problems ----------------------------------------------------------------------------
 
     def with_sigma(self, sigma: Array) -> FitProblem:
-        """The same with other standard deviations."""
+        """The same problem with other standard deviations."""
         return replace(self, sigma=sigma, _kept=list(self._kept))
 
     def first(self, share: float) -> FitProblem:
-        """The same with the first part of every recording."""
+        """The same problem with the first part of every recording."""
         kept: list[Array] = []
         parts = []
         offset = 0
@@ -329,7 +330,7 @@ class FitProblem:
         return replace(self, measured=tuple(parts), sigma=sigma, _kept=[])
 
     def held(self, j: int, value: float) -> FitProblem:
-        """The same with an unknown that is fixed."""
+        """The same problem with one unknown fixed."""
         u = self.unknowns[j]
         others = tuple(other for i, other in enumerate(self.unknowns) if i != j)
         if u.record < 0:

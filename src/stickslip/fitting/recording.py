@@ -141,7 +141,7 @@ class Recording:
 
     @property
     def happening(self) -> tuple[str, str]:
-        """Contact and what happens to it, of a record of events."""
+        """Contact and kind of event, for a recording of events."""
         contact, _, verb = self.events.rpartition(" ")
         if not contact or verb not in HAPPENINGS:
             raise DeclarationError(

@@ -458,7 +458,7 @@ class _Contacts:
         Parameters
         ----------
         name, contact, declared
-            As of :meth:`_contact`.
+            As in :meth:`_contact`.
         moves : Expr
             The velocity that its direction stands for.
         """

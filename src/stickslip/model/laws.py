@@ -1,4 +1,4 @@
-"""Friction laws of the literature by their names, to be put where a contact stands.
+"""Named friction laws from the literature, for use in place of a contact.
 
 >>> import stickslip as ss
 >>> ss.laws.all_names()[:3]
@@ -32,40 +32,41 @@ _SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # of these points, in its largest speed
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """A friction law: a declaration with an open end.
+    """A friction law: the declaration of a contact, with parameters.
 
     Its formulas use ``u``, the relative velocity of the contact, ``speed`` = |u| (in `kinetic`),
-    and names of its own: parameters, functions and internal variables. In a system each of these
-    gets the name of the contact behind it, so that ``z`` of a contact called foot is ``z_foot``.
+    and the names that it declares: parameters, functions and internal variables. In a system each
+    of these is followed by the name of the contact, so that ``z`` of a contact named foot is
+    ``z_foot``.
 
     Attributes
     ----------
     name, title, source, about : str
-        Its name, one line of description, the literature, and what to know of it.
+        Its name, one line of description, the literature, and further remarks.
     parameters : mapping of str to Parameter
-        What has to be given; the defaults are those of its picture.
+        Required parameters; their defaults are only used to plot the law.
     options : mapping of str to Parameter
-        What has a default.
+        Optional parameters.
     functions : mapping of str to formula
     internal : mapping of str to Internal
     threshold, kinetic : str
-        Of a dry contact with the velocity u; of the sliders, if there is a `stiffness`.
+        Those of a dry contact with the velocity u; of the sliders, if there is a `stiffness`.
     stiffness : str
-        Of the springs through which sliders are moved, elements in parallel. Formulas of these may
-        use ``i``, the number of the element, and ``elements``, how many there are.
+        Stiffness of the springs that connect sliders, as elements in parallel. Its formulas may use
+        ``i``, the number of the element, and ``elements``, the number of elements.
     force : str
-        A force against u that is no dry friction.
+        A force opposing u that is not dry friction.
     increasing : bool
-        Whether that force increases with u, so that a coordinate without mass may have it, too.
+        Whether that force increases with u, so that it may also act on a coordinate without mass.
     start : mapping of str to str
-        Values of internal variables at the start, formulas of the law's parameters; others are 0.
+        Initial values of internal variables, formulas of the parameters of the law; others are 0.
     several : tuple of str
         Parameters that are lists, an entry for each element.
     points : (str, str) or ()
-        Those that are the speeds and the forces of points of the sliding force, which `kinetic`
-        calls ``curve``.
+        Parameters that contain speeds and forces of points of the kinetic friction force, which
+        `kinetic` uses as ``curve``.
     stroke : (float, float)
-        Amplitude and angular frequency of the motion in its picture.
+        Amplitude and angular frequency of the motion in the plot of the law.
     """
 
     name: str
@@ -115,7 +116,8 @@ class FrictionLaw:
 
     @property
     def dry(self) -> bool:
-        """Whether it is a threshold and a sliding force, without a state of its own."""
+        """Whether the law consists of a threshold and a kinetic friction force, without internal
+        variables."""
         return bool(self.threshold) and not self.stiffness
 
     def specimen(self, values: Mapping[str, float] | None = None) -> System:
@@ -131,7 +133,7 @@ class FrictionLaw:
     def driven(
         self, amplitude: float, omega: float, values: Mapping[str, float] | None = None
     ) -> System:
-        """This law alone under the displacement A sin ωt of its surface against u."""
+        """This law alone, with its surface displaced by A sin ωt against u."""
         return self._alone(
             "-d_X",
             values,
@@ -140,8 +142,8 @@ class FrictionLaw:
         )
 
     def stepped(self, ratio: float, values: Mapping[str, float] | None = None) -> System:
-        """This law alone at the rate v_0, at another after a slip of 10 D_c, and at v_0 again after
-        20 more: the experiment that rate-and-state laws are measured by."""
+        """This law alone at the rate v_0, at another rate after a slip of 10 D_c, and at v_0 again
+        after 20 D_c more: the velocity-stepping test, by which rate-and-state laws are measured."""
         return self._alone(
             "-v_0*piecewise(t < t_up, 1, t < t_down, ratio, 1)",
             values,
@@ -465,22 +467,22 @@ rate_and_state_cutoff: FrictionLaw = FrictionLaw(
 
 
 def all_names() -> list[str]:
-    """Names of all laws, those that other packages add among them."""
+    """Names of all laws, including those added by other packages."""
     return sorted({*_own(), *(entry.name for entry in entry_points(group=LAWS_GROUP))})
 
 
 def by_name(name: str, where: str = "laws") -> FrictionLaw:
-    """The law of that name; `where` is what an error names.
+    """Return a law by name; `where` names the input in error messages.
 
-    A package adds one by an entry point of the group ``stickslip.laws``. Names that are taken stay
-    ours.
+    Other packages may add laws by entry points of the group ``stickslip.laws``; built-in names take
+    precedence.
 
     Raises
     ------
     DeclarationError
         If there is none.
     StickslipError
-        If that of another package cannot be loaded, or is no law of that name.
+        If a law of another package cannot be loaded, or is not a law of that name.
     """
     own = _own()
     if name in own:

@@ -51,13 +51,13 @@ AnyContact = Contact | Unilateral | Bilateral | LawContact
 
 
 class DefaultSpan(tuple[float, float]):
-    """A time span that stands because none was given: where drives are records that end, it becomes
-    what all of them cover.
+    """The default time span, used if none is given. If drives are samples that end, it is replaced
+    by the span that all of them cover.
 
     Attributes
     ----------
     otherwise : (float, float)
-        What it is where no drive ends.
+        The span if no drive ends.
     """
 
     otherwise: tuple[float, float]
@@ -192,15 +192,15 @@ class System:
 
     @cached_property
     def declaration(self) -> Declaration:
-        """The declaration read and checked: every formula as an expression."""
+        """The parsed and checked declaration, with every formula as an expression."""
         from stickslip.model.reading import declare
 
         return declare(self) if self.plain is self else self.plain.declaration
 
     @cached_property
     def plain(self) -> System:
-        """The same system with the laws of its contacts, its constraints and its structures written
-        out: what is moved and shown."""
+        """The same system with its laws, constraints and structures expanded to formulas;
+        computations and plots use this one."""
         from stickslip.model.written_out import write_out
 
         return write_out(self)
@@ -212,7 +212,7 @@ class System:
 
     @cached_property
     def unknowns(self) -> dict[str, dict[str, float]]:
-        """Unknowns of structures that results show, and their rates, each as what it is of the
+        """Unknowns of structures that results show, and their rates, each as a linear form of the
         modes."""
         if not self.structures:
             return {}
@@ -222,8 +222,8 @@ class System:
 
     @property
     def started_unknowns(self) -> list[str]:
-        """Unknowns of structures that results show, and their rates, of which initial values may be
-        given."""
+        """Unknowns of structures that results show, and their rates, if initial values may be given
+        for them."""
         if not self.structures:
             return []
         from stickslip.structures.coordinates import started_of
@@ -237,7 +237,7 @@ class System:
 
     @cached_property
     def places(self) -> list[str]:
-        """Where things are: coordinates as declared, and unknowns of structures."""
+        """Positions: declared coordinates, and unknowns of structures."""
         return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
 
     @property
@@ -258,12 +258,13 @@ class System:
             return {}
 
     def started(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Initial values of parts of the state, where some are given of unknowns of structures.
+        """Convert initial values, some of which are those of unknowns of structures, to initial
+        values of the state.
 
         Parameters
         ----------
         given : mapping of str
-            Numbers, arrays or expressions. What is declared counts for all other unknowns.
+            Numbers, arrays or expressions. Other unknowns have their declared values.
 
         Raises
         ------
@@ -301,7 +302,7 @@ class System:
         Returns
         -------
         dict of str to float
-            By part of the state; empty for any other name.
+            Derivatives by part of the state; empty for any other name.
 
         Raises
         ------
@@ -350,8 +351,8 @@ class System:
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:
-        """Contacts with a threshold: those that laws are made of, the components of those in a
-        plane, and the normal direction and the friction of those that can open, too."""
+        """Contacts with a threshold, including those in the expansion of laws, the components of
+        contacts in a plane, and the normal direction and the friction of contacts that can open."""
         found: dict[str, Contact] = {}
         for name, contact in self.plain.contacts.items():
             if isinstance(contact, Contact):
@@ -384,8 +385,8 @@ class System:
 
     @cached_property
     def rubbing(self) -> dict[str, tuple[str, ...]]:
-        """What a person calls a dry contact, with the names of its components: one, two in a
-        plane, or three of a face."""
+        """Dry contacts as declared, each with the names of its components: one along a line, two in
+        a plane, three of a face."""
         from stickslip.model.entries.keys import normal_force
 
         of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
@@ -405,7 +406,7 @@ class System:
 
     @cached_property
     def constraints(self) -> dict[str, tuple[str, ...]]:
-        """What holds from both sides, with the names of the sides."""
+        """Bilateral constraints, with the names of their two sides."""
         found: dict[str, tuple[str, ...]] = {}
         for name, contact in self.with_gaps.items():
             if isinstance(contact, Side):
@@ -459,11 +460,11 @@ class System:
         Parameters
         ----------
         formula : str or float
-            Of the parameters, functions, drives and facts of the system, of ``t``, the state, the
-            rates ``d_x`` and ``speed``. A fact alone is a formula, too.
+            May use the parameters, functions, drives and facts of the system, ``t``, the state, the
+            rates ``d_x``, and ``speed``. The name of a fact is also a formula.
         values : mapping of str to float, optional
-            Numbers of the names that the formula depends on; of parameters only those that differ
-            from their defaults, of the unknowns of a structure those that are not zero.
+            Values of the names on which the formula depends. Parameters that are not given have
+            their defaults, and unknowns of a structure are zero.
 
         Returns
         -------
@@ -473,7 +474,7 @@ class System:
         Raises
         ------
         DeclarationError
-            If it is not a formula, a name has no value, or a value has no name.
+            If the formula is invalid, a name has no value, or a value is given for an unknown name.
 
         Examples
         --------

@@ -110,7 +110,7 @@ class EventCatalogue(Result):
         Parameters
         ----------
         least : float, optional
-            Smallest size that is counted; by default the smallest that there is.
+            Smallest size to include; by default that of the smallest event.
 
         Returns
         -------
@@ -120,7 +120,7 @@ class EventCatalogue(Result):
         Raises
         ------
         DeclarationError
-            If fewer than two events are as large, or all are equal.
+            If fewer than two events are at least as large, or all have the same size.
         """
         sizes = self.dataset["size"].values
         sizes = sizes[sizes > 0.0]
@@ -137,9 +137,9 @@ class EventCatalogue(Result):
         return b, b / math.sqrt(len(counted))
 
     def recurrence(self) -> tuple[float, float]:
-        """Mean of the times between events, and their coefficient of variation: the standard
-        deviation over the mean, which is 0 for events that come regularly, 1 for a Poisson process,
-        and more for clusters.
+        """Mean of the times between events, and their coefficient of variation (standard deviation
+        divided by mean), which is 0 for regular events, 1 for a Poisson process, and larger for
+        clusters.
 
         Raises
         ------
@@ -208,8 +208,8 @@ class EventCatalogue(Result):
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Sizes over time and their sum, how many events are as large, and times between events;
-        in given axes how many are as large."""
+        """Plot sizes over time and their sum, the number of events above each size, and times
+        between events; only these numbers if axes are given."""
         from stickslip.figures.event_catalogue import plot_catalogue
 
         return plot_catalogue(self, ax)
@@ -226,14 +226,14 @@ class EventCatalogue(Result):
         Parameters
         ----------
         pieces : sequence of EventCatalogue
-            Of one system with the same parameters, in the order of time. Where one goes on from the
-            other all contacts stick; it may go back to before an event that the other has not seen
-            to its end.
+            Of one system with the same parameters, in chronological order. All contacts stick where
+            one motion continues the previous one; it may begin before an event that is incomplete
+            in the previous one.
 
         Raises
         ------
         DeclarationError
-            If there are none, or they are of other systems or overlap.
+            If the sequence is empty, or the catalogues overlap or belong to different systems.
         """
         import xarray as xr
 

@@ -76,7 +76,7 @@ def simulate(
     Returns
     -------
     Trajectory
-        Always; how the computation ended is its ``outcome``.
+        Returned in any case; its ``outcome`` describes how the computation ended.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class Ensemble(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Records that drive the system for longer than the motions last."""
+        """Driving records that are longer than the motions."""
         return list(map(str, json.loads(self.dataset.attrs.get("warnings", "[]"))))
 
     def overview(self, ax: Axes | None = None) -> Figure:

@@ -64,7 +64,7 @@ class Stepper:
     ----------
     system : System
     initial, parameters : mapping of str to float, optional
-        As of :func:`stickslip.simulate`.
+        As in :func:`stickslip.simulate`.
     inputs : sequence of str
         Parameters and drives that may be set in each step. A drive has its declared value until it
         is set.
@@ -74,7 +74,7 @@ class Stepper:
     time : float, optional
         Initial time; by default the start of the span of the system.
     rtol, atol : float
-        As of :func:`stickslip.simulate`.
+        As in :func:`stickslip.simulate`.
     max_events : int
         Maximum number of events in a step.
 
@@ -194,27 +194,27 @@ class Stepper:
 
     @validated
     def advance(self, time: float, inputs: Mapping[str, float] | None = None) -> dict[str, float]:
-        """Move to a later time.
+        """Advance the motion to a later time.
 
         Parameters
         ----------
         time : float
         inputs : mapping of str to float, optional
-            Their values in this step, or where it ends if they are interpolated; those that are not
-            given stay what they are.
+            Values of inputs during this step, or at its end if they are interpolated; other inputs
+            keep their values.
 
         Returns
         -------
         dict of str to float
-            The :attr:`state` there.
+            The :attr:`state` at that time.
 
         Raises
         ------
         DeclarationError
             If the time is not later, or an input is unknown or not a finite number.
         ConvergenceError
-            If the motion ends before; :attr:`time` and :attr:`state` are where it ended, and the
-            message says why.
+            If the motion ends before that time; :attr:`time` and :attr:`state` are then those of
+            its end, and the message gives the reason.
         """
         end = float(time)
         if not self.time < end < math.inf:
@@ -300,7 +300,7 @@ class Stepper:
         Raises
         ------
         DeclarationError
-            If the state is one of another system.
+            If it is the state of another system.
         """
         now = self._lanes.now
         shapes = [part.shape for part in now]

@@ -95,7 +95,7 @@ class Trajectory(Result):
 
     @property
     def atol(self) -> float:
-        """Smallest size of a component that counts."""
+        """Absolute accuracy; smaller components are not resolved."""
         return self._problem.atol * self.rtol
 
     @property
@@ -113,7 +113,7 @@ class Trajectory(Result):
 
     @property
     def begins_outside_a_table(self) -> bool:
-        """Whether it did not begin, since a table has no value at its start."""
+        """Whether the motion cannot begin because a table is undefined at the initial state."""
         return len(self.knots.clock) == 1 and bool(self._ends_of_tables())
 
     def _ends_of_tables(self) -> list[str]:
@@ -145,8 +145,8 @@ class Trajectory(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Conditions of the declaration that these parameters do not meet, and records that drive
-        the system for longer than the motion lasts."""
+        """Declared conditions that the parameters violate, and driving records that are longer than
+        the motion."""
         conditions = self.system.declaration.conditions
         failed = [
             f"{self.system.conditions[name].formula} fails: {reason}"
@@ -194,18 +194,18 @@ class Trajectory(Result):
 
     @property
     def modes(self) -> dict[str, Array]:
-        """Mode of each contact from every knot on, by its name in variables: −1, 0, 1 where it
-        slips or sticks (in a plane 1 where it slips); of one that can open, 2 where it is open, and
-        3 where it is closed and without friction."""
+        """Mode of each contact after every knot, by its name in variables: 0 in stick, ±1 in slip
+        (1 in a plane); for a contact that can open also 2 if open, and 3 if closed and
+        frictionless."""
         return self._switches.modes
 
     @cached_property
     def impacts(self) -> pandas.DataFrame:
-        """Impacts: time, the contact whose gap closed, the speed at which it did and that of its
-        rebound, and the energy that all contacts lost in it.
+        """Impacts: time, contact whose gap closed, approach speed, rebound speed, and energy lost
+        at all contacts.
 
-        An initial velocity that violates a closed contact has an impact at the start, which the
-        initial state does not show; it is not listed.
+        If the initial velocity violates a closed contact, the motion begins with an impact that is
+        not listed.
         """
         import pandas as pd
 
@@ -248,9 +248,9 @@ class Trajectory(Result):
 
     @cached_property
     def jumps(self) -> pandas.DataFrame:
-        """Jumps of the state: time, which one, and by how much the energy changed in it.
+        """Jumps of the state: time, name, and change of energy.
 
-        What it lost counts as dissipated, what it gained as supplied.
+        A loss of energy counts as dissipated, a gain as supplied.
         """
         import pandas as pd
 
@@ -459,9 +459,9 @@ class Trajectory(Result):
         """Every change of mode or region, and every jump: time, contact (or the kink, or the jump),
         from, to, and the state.
 
-        Contacts whose relative velocities are multiples of one another switch as one, under their
-        joined names; ``slip+`` and ``slip-`` then say which way the first of them slips. That a
-        sample of a drive has passed is none.
+        Contacts whose relative velocities are multiples of one another switch together, under their
+        joined names; ``slip+`` and ``slip-`` then refer to the first of them. Passing a sample of a
+        drive is not an event.
         """
         return self._switches.events(self._problem.compiled.layout.state)
 
@@ -469,16 +469,16 @@ class Trajectory(Result):
     def event_catalogue(
         self, *, faster_than: float | None = None, energy: bool = True
     ) -> EventCatalogue:
-        """The slip events, each from the first slip after all contacts have stuck to the next time
-        when all do: start, duration, size, energy.
+        """Return the slip events: each begins with the first slip after all contacts have been
+        sticking, and ends when all stick again.
 
         Parameters
         ----------
         faster_than : float, optional
-            A rate: then an event lasts as long as some coordinate is faster, as for friction that
-            depends on rate and state, which never sticks.
+            If given, an event lasts as long as the rate of some coordinate exceeds this value, as
+            for rate-and-state friction, which never sticks.
         energy : bool
-            Whether energies are measured, and the certificate: that takes a pass through the whole
+            Whether to compute energies and the certificate, which requires a pass through the whole
             motion.
 
         Raises
@@ -508,20 +508,20 @@ class Trajectory(Result):
             Parameters; and components of the state, or degrees of freedom of structures, such as
             ``"u[tip]"``, for their initial values.
         times : array, optional
-            By default 201 of them, evenly.
+            By default 201 evenly spaced times.
         of : sequence of str, optional
             Quantities, or formulas of them; by default the state.
         second_opinion : bool
-            Whether the same is computed by differences of motions, too (a variable with
-            ``_by_differences`` for each quantity). Where a switch passes through a time, these say
-            nothing.
+            Whether to compute finite differences of motions, too (a variable with
+            ``_by_differences`` for each quantity). They are meaningless at times through which a
+            switch passes.
 
         Returns
         -------
         xarray.Dataset
             A variable for each quantity, over ``parameter`` and ``time``; ``d_switch_time`` over
-            ``parameter`` and ``switch``. After the first time without a derivative they are no
-            numbers, and the attribute ``missing`` says why.
+            ``parameter`` and ``switch``. After the first time without a derivative, values are NaN,
+            and the attribute ``missing`` gives the reason.
 
         Raises
         ------
@@ -595,24 +595,25 @@ class Trajectory(Result):
         t: tuple[float, float] | None = None,
         coordinates: Sequence[str] | None = None,
     ) -> Figure:
-        """A picture of the motion, or of a part of it.
+        """Plot the motion, or a part of it.
 
         Parameters
         ----------
         *quantities : str
-            Variables of the dataset, a panel each; by default an overview of everything. Or one
-            name of a picture that was added (:func:`stickslip.figures.register`).
+            Variables of the dataset, one panel each; by default an overview. Or the name of a
+            registered plot (:func:`stickslip.figures.register`).
         ax : matplotlib.axes.Axes, optional
-            Draw into these axes of a figure of yours, all quantities together.
+            Existing axes to draw into, all quantities together.
         t : (float, float), optional
-            Window of the time.
+            Time window.
         coordinates : sequence of str, optional
-            Those that the overview shows, internal variables, and outputs.
+            Coordinates, internal variables and outputs that the overview shows.
 
         Raises
         ------
         DeclarationError
-            If there is no such quantity or coordinate, or the window is none of the computed span.
+            If there is no such quantity or coordinate, or the window does not lie within the
+            computed span.
         """
         if t is None and coordinates is None:
             return super().plot(*quantities, ax=ax)
@@ -631,8 +632,8 @@ class Trajectory(Result):
         return plot_quantities(data, shown, self.along, ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Time traces with stick phases shaded, and the phase plane where it says something; in
-        given axes the coordinates."""
+        """Plot time traces with stick phases shaded and, if informative, the phase plane; only the
+        coordinates if axes are given."""
         if ax is not None:
             return self.plot(*self.system.declaration.coordinates, ax=ax)
         from stickslip.figures.motion import plot_trajectory
@@ -640,12 +641,12 @@ class Trajectory(Result):
         return plot_trajectory(self)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The knots beside the dataset: all values between come from these."""
+        """The dataset and the knots, from which all values between them are computed."""
         knots, parts = self.essence()
         return self.dataset.merge(knots), parts
 
     def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The knots, and what moves."""
+        """The knots, and the data of the system."""
         import xarray as xr
 
         k = self.knots

@@ -82,7 +82,7 @@ def factored_in_band(matrix: Any, order: Array, width: int) -> Banded | Eliminat
         In compressed columns, symmetric.
     order : array of int, shape (n,)
     width : int
-        As of :func:`order_in_band`.
+        As in :func:`order_in_band`.
     """
     from scipy.linalg.lapack import get_lapack_funcs
 

@@ -44,7 +44,7 @@ class ProportionalDamping:
             object.__setattr__(self, name, _coefficient(getattr(self, name), f"damping.{name}"))
 
     def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
-        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
+        """Coefficients, each with its factors in the damping of the modes of unit mass, shape (n,).
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class ProportionalDamping:
         return [(self.alpha, np.ones(len(squares))), (self.beta, squares)]
 
     def of_modes(self, squares: Array) -> Array:
-        """What multiplies the rate of each mode of unit mass.
+        """Damping coefficient of each mode of unit mass.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class ModalDamping:
         object.__setattr__(self, "ratios", ratios)
 
     def weights(self, squares: Array) -> list[tuple[Coefficient, Array]]:
-        """Coefficients, and the factor of each in the modes of unit mass, shape (n,).
+        """Coefficients, each with its factors in the damping of the modes of unit mass, shape (n,).
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class ModalDamping:
         return [(ratio, twice * (each == i)) for i, ratio in enumerate(self._listed)]
 
     def of_modes(self, squares: Array) -> Array:
-        """What multiplies the rate of each mode of unit mass.
+        """Damping coefficient of each mode of unit mass.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class ModalDamping:
         return 2.0 * ratios[self._each(len(squares))] * np.sqrt(squares)
 
     def check_count(self, modes: int) -> None:
-        """Refuse more ratios than modes.
+        """Reject more ratios than modes.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class ModalDamping:
             )
 
     def of_lowest(self, modes: int) -> ModalDamping:
-        """The damping of the lowest modes alone."""
+        """The damping of the lowest modes only."""
         return self if len(self._listed) <= modes else ModalDamping(self._listed[:modes])
 
     @property

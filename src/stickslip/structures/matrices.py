@@ -254,7 +254,7 @@ def lowest_modes(
     Returns
     -------
     squares : array, shape (count,)
-        ω², ascending; zero of rigid modes.
+        ω², ascending; zero for rigid modes.
     modes : array, shape (n, count)
 
     Raises

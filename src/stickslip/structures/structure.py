@@ -185,7 +185,7 @@ class Structure:
         Raises
         ------
         KeyError
-            If there is none; its argument says what there is.
+            If there is no such degree of freedom; the argument lists those that exist.
         """
         names = self.indices
         if isinstance(unknown, str) and unknown not in names and not unknown.isdecimal():
@@ -199,7 +199,7 @@ class Structure:
 
     @cached_property
     def own(self) -> dict[int, int]:
-        """Of unknowns that are coordinates, by index, which of these they are."""
+        """Number of the coordinate for each unknown that is a coordinate, by index."""
         if self.basis is None:
             return {i: i for i in range(self.coordinates)}
         single = np.count_nonzero(self.basis, axis=1) == 1
@@ -210,8 +210,8 @@ class Structure:
 
     @cached_property
     def shown(self) -> tuple[UnknownKey, ...]:
-        """Unknowns that results show without being asked: those with names and those that were
-        kept, or all, as long as they are few."""
+        """Unknowns that results show by default: those with names and those kept by a reduction, or
+        all if there are only a few."""
         named = [*self.indices.values()] if len(self.indices) <= _ALL else []
         own = [*self.own] if self.basis is not None and len(self.own) <= _ALL else []
         few = range(self.unknowns if self.unknowns <= _ALL else 0)
@@ -232,8 +232,7 @@ class Structure:
 
     @property
     def known_modes(self) -> tuple[Array, Array] | None:
-        """Squares of the frequencies and modes of the coordinates, if anything has asked for them
-        yet."""
+        """Squares of the frequencies and modes of the coordinates, if they have been computed."""
         return kept(self, "modes").get(None)
 
     @property
@@ -243,7 +242,7 @@ class Structure:
 
     @property
     def frequencies(self) -> Array:
-        """Angular frequencies without damping, shape (n,), ascending; zero of rigid modes.
+        """Angular frequencies without damping, shape (n,), ascending; zero for rigid modes.
 
         Raises
         ------
@@ -254,7 +253,7 @@ class Structure:
 
     @property
     def modes(self) -> Array:
-        """Shapes of the modes of unit mass, shape (unknowns, n)."""
+        """Mode shapes, normalised to unit modal mass, shape (unknowns, n)."""
         shapes = self._eigen[1]
         return shapes if self.basis is None else self.basis @ shapes
 
@@ -269,8 +268,7 @@ class Structure:
 
     @property
     def modal_damping(self) -> Array:
-        """Damping of the modes of unit mass: shape (n,) where it does not couple them, else
-        (n, n).
+        """Damping of the modes of unit mass: shape (n,) if it does not couple them, else (n, n).
 
         Raises
         ------
@@ -304,29 +302,29 @@ class Structure:
         keep : sequence of int or str
             Unknowns with contacts, springs and loads.
         modes : int
-            How many modes it has beside them.
+            Number of modes in addition to these.
         method : {"craig-bampton", "modal"}
-            Craig and Bampton's has the kept unknowns as coordinates, and modes that are fixed
-            there: what is done to kept unknowns it answers with the exact static displacement. The
-            other has the lowest modes of the structure alone.
+            The Craig-Bampton method uses the kept unknowns, and the lowest modes of the structure
+            when these are fixed: its static response to forces on kept unknowns is exact. The modal
+            method uses only the lowest modes of the structure.
 
         Returns
         -------
         Structure
-            Its unknowns have the indices and names of this one; :attr:`left_out` says what it does
-            not have.
+            Its unknowns have the same indices and names; :attr:`left_out` describes the omitted
+            modes.
 
         Raises
         ------
         DeclarationError
-            If an unknown does not exist or is named twice, nothing is kept for Craig and Bampton's
-            method, or the kept unknowns do not hold the structure.
+            If an unknown does not exist or is named twice, no unknown is kept with the
+            Craig-Bampton method, or fixing the kept unknowns leaves rigid modes.
 
         Notes
         -----
         R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA
-        Journal 6 (1968). Sparse structures are reduced by Lanczos' iteration with a shift, and the
-        number of modes is checked by inertia.
+        Journal 6 (1968). Sparse structures are reduced by shift-invert Lanczos iteration, and the
+        number of modes is checked by Sylvester's law of inertia.
         """
         from stickslip.structures.reduction import craig_bampton, modal
 
@@ -393,7 +391,7 @@ class Structure:
 
     @cached_property
     def digest(self) -> str:
-        """Sixteen digits that differ where structures do."""
+        """Hash of the structure, sixteen hexadecimal digits."""
         found = hashlib.sha256()
         for name in ("mass", "stiffness", "damping", "basis"):
             part = getattr(self, name)

@@ -109,7 +109,7 @@ class Fragility(Result):
         Parameters
         ----------
         named : function
-            How a parameter is called.
+            Function that returns the label of a parameter.
         """
         data = self.dataset
         others = [str(d) for d in data["share"].dims if d != self.along]
@@ -150,7 +150,7 @@ class Fragility(Result):
         return rows + shortened(fits)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Shares over the scale, with their intervals and the fitted curves."""
+        """Plot the fractions over the scale, with their intervals and the fitted curves."""
         from stickslip.figures.fragility import plot_fragility
 
         return plot_fragility(self, ax)

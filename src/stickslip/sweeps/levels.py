@@ -47,7 +47,7 @@ class Level:
     Attributes
     ----------
     system, parameter, span
-        As of :func:`frequency_response`; of a formula, the system has it as an output.
+        As in :func:`frequency_response`; of a formula, the system has it as an output.
     coordinate : str
         Whose response it is.
     text, drive : str and Expr

@@ -92,7 +92,7 @@ class Map(Result):
 
     @property
     def along(self) -> str:
-        """Its first axis."""
+        """Name of the first axis."""
         return str(self.dataset["outcome"].dims[0])
 
     @property
@@ -112,7 +112,7 @@ class Map(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether every point is there."""
+        """Whether every point was computed."""
         if np.any(self._codes == NOT_COMPUTED):
             return Completion.INTERRUPTED
         late = np.any(self._codes == Outcome.TIME_UP.code)
@@ -129,7 +129,7 @@ class Map(Result):
 
     @cached_property
     def lacking(self) -> dict[str, int]:
-        """How many of the computed points lack what to be certified."""
+        """Number of computed points that fail each criterion of the certificate."""
         lacks = self.dataset["lacking"].values.ravel()[self._codes >= 0]
         counts = np.bincount(lacks, minlength=len(LACKING))
         return {
@@ -138,7 +138,7 @@ class Map(Result):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Records that drive the system for longer than what is measured lasts."""
+        """Driving records that are longer than the measured motion."""
         of_records = self.dataset.attrs.get(f"{PREFIX}left_out")
         if of_records is not None:
             return list(map(str, json.loads(of_records)))
@@ -146,10 +146,9 @@ class Map(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How many of the computed points are not certified, and how far the worst is from it.
+        """Number of computed points that are not certified, and the largest excess over a limit.
 
-        Every point has a certificate of its own, as the variables ``certificate`` and ``lacking``
-        say.
+        The variables ``certificate`` and ``lacking`` contain the verdict for each point.
         """
         bad = sum(self.lacking.values())
         done = f"{self.computed - bad:,} of {self.computed:,} points are certified"
@@ -229,12 +228,12 @@ class Map(Result):
         Parameters
         ----------
         measure : str
-            What is compared with the limit: a measure of the map, such as ``"high:x"``, or the name
-            of a formula of these (``"slip = abs(shift)"``).
+            The quantity compared with the limit: a measure of the map, such as ``"high:x"``, or the
+            name of a formula of these (``"slip = abs(shift)"``).
         limit : float
             In the unit of the measure.
         over : str, optional
-            Axis over which the shares are taken; by default ``scale``, or the only other axis.
+            Axis of the curve; by default ``scale``, or the only other axis.
 
         Returns
         -------
@@ -250,15 +249,15 @@ class Map(Result):
         return fragility_of(self, measure, limit, over)
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Lines over one axis, a map over two, small multiples over three; beside an axis with at
-        most six values, a line for each of these.
+        """Plot lines over one axis, a map over two, small multiples over three. If a second axis
+        has at most six values, plot a line for each of them.
 
         Parameters
         ----------
         *quantities : str
-            Measures; by default all. ``"outcome"`` is understood, too.
+            Measures; by default all. ``"outcome"`` is also accepted.
         ax : matplotlib.axes.Axes, optional
-            Draw the first of them into these axes (maps of one or two axes).
+            Existing axes to draw the first of them into (maps of one or two axes).
 
         Raises
         ------
@@ -277,7 +276,7 @@ class Map(Result):
         return self.plot(ax=ax)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and the plan that it was computed by."""
+        """The data, and the plan of the computation."""
         own = (
             (key.removeprefix(PREFIX), value)
             for key, value in self.dataset.attrs.items()
@@ -350,7 +349,8 @@ class Basin(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """States whose motion is not certified, or reaches nothing; attractors not certified."""
+        """Numbers of states whose motion is not certified or reaches no attractor, and of
+        attractors that are not certified."""
         labels = self.dataset["attractor"].values
         bad = (self.dataset["lacking"].values > 0) & (labels >= 0)
         attractors = int(np.count_nonzero(~self.dataset["certified"].values.astype(bool)))
@@ -408,7 +408,7 @@ class Basin(Result):
         return [*shortened(self._reached()), *nowhere]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """The section in the colours of what its states reach."""
+        """Plot the section, coloured by attractor."""
         from stickslip.figures.basin import plot_basin
 
         return plot_basin(self.dataset, ax)

@@ -99,7 +99,7 @@ class FrequencyResponse(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether there is any response, and all of it was followed."""
+        """Whether a response was found and completely followed."""
         if not self.complete:
             return Completion.TIME_UP if self.time_up else Completion.INTERRUPTED
         some = self.dataset.sizes["point"] > 0
@@ -159,14 +159,14 @@ class FrequencyResponse(Result):
         return [*rows, *shortened(special), *shortened([("note", note) for note in self.notes])]
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Amplitude over the frequency with the phase below, or other quantities.
+        """Plot the amplitude over the frequency with the phase below, or other quantities.
 
         Parameters
         ----------
         *quantities : str
             Of the points: ``amplitude``, ``harmonic``, ``phase``, ``stick``, ``period``, ...
         ax : matplotlib.axes.Axes, optional
-            Draw the first of them into these axes.
+            Existing axes to draw the first of them into.
 
         Raises
         ------
@@ -178,7 +178,7 @@ class FrequencyResponse(Result):
         return plot_response(self, list(quantities) or None, ax=ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Amplitude over the frequency with the phase below."""
+        """Plot the amplitude over the frequency with the phase below."""
         return self.plot(ax=ax)
 
 

@@ -105,7 +105,7 @@ class TimeFunction(ABC):
 
     @property
     def ends(self) -> bool:
-        """Whether there is a time after which it says nothing."""
+        """Whether the function is undefined after some time."""
         return not self.covers(0.0, math.inf)
 
 

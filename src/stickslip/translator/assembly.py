@@ -205,7 +205,7 @@ class Assembly:
         Parameters
         ----------
         type_, name, given, flags, convention : str and registers
-            As of :meth:`call`; the name without @.
+            As in :meth:`call`; the name without @.
         """
         operands = [operand(x) for x in given]
         kinds = ", ".join(x.type for x in operands)

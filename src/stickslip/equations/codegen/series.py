@@ -135,7 +135,7 @@ def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
         Destroyed. An entry −s² on the diagonal says that a row is that of a direction that may
         share its force with others, and does not belong to the matrix.
     fused : bool
-        As of :func:`eliminated`.
+        As in :func:`eliminated`.
 
     Returns
     -------

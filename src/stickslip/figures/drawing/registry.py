@@ -16,7 +16,7 @@ _drawn: dict[type, dict[str, Callable[..., Any]]] = {}
 
 
 def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
-    """A function that draws results of a kind is one of their pictures from now on.
+    """Register a function as a plot of results of a kind.
 
     Parameters
     ----------

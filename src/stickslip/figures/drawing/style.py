@@ -1,5 +1,5 @@
-"""What all pictures share: sizes, fonts, colours that colour-blind readers can tell apart, and
-labels with units. It is public as ``stickslip.style``, for pictures of your own that look like
+"""The common style of all plots: sizes, fonts, colours that colour-blind readers can distinguish,
+and labels with units. As ``stickslip.style`` it is available for user-defined plots that look like
 those of the library:
 
 >>> import stickslip as ss
@@ -119,7 +119,7 @@ STYLE: dict[Any, Any] = {
 
 @contextmanager
 def paper_style() -> Iterator[None]:
-    """The shared style, for the time of drawing."""
+    """Context manager that applies the common style."""
     with mpl.rc_context(STYLE):
         yield
 
@@ -215,7 +215,7 @@ class Picture(Figure):
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure (inches) that belongs to no window."""
+    """Create an empty figure, sizes in inches, without a window."""
     figure = Picture(figsize=(width, height), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -229,13 +229,13 @@ def root_of(axes: Axes) -> Figure:
 
 
 def line_colours(count: int) -> list[str]:
-    """Colours for a number of lines: the palette, or a perceptually even range if there are
+    """Colours for a number of lines: the palette, or a perceptually uniform range if there are
     many."""
     return list(LINES[:count]) if count <= len(LINES) else level_colours(count)
 
 
 def level_colours(count: int) -> list[str]:
-    """Colours for lines that have an order: a perceptually even range, not too light."""
+    """Colours for lines that have an order: a perceptually uniform range, not too light."""
     if count == 1:
         return [BLUE]
     colours = mpl.colormaps["viridis"]
@@ -254,7 +254,7 @@ def symbol_or_formula(text: str) -> str:
 
 
 def axis_label(names: Iterable[str], unit: str) -> str:
-    """Symbols with their unit in brackets."""
+    """Symbols, with their unit in brackets."""
     label = unit_label(unit)
     return ", ".join(map(symbol, names)) + (f"  [{label}]" if label else "")
 
@@ -296,9 +296,9 @@ def _with_power(axis: Axis, power: int) -> None:
 
 
 def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: bool = False) -> None:
-    """A legend above the axes, where it covers no data, in as many rows as the width asks for.
+    """Add a legend above the axes, where it covers no data, in as many rows as the width requires.
 
-    A second one stands at the right, if there is room for both; else the two become one.
+    A second legend is placed at the right if there is room for both; otherwise the two are merged.
     """
     if handles is None:
         handles, _ = axes.get_legend_handles_labels()

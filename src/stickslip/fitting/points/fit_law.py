@@ -79,7 +79,7 @@ class LawFit(Fit):
         Parameters
         ----------
         direction, surface_speed, unit
-            As of a law, such as :data:`stickslip.laws.stribeck`.
+            As in a law, such as :data:`stickslip.laws.stribeck`.
         """
         values = {name: self.parameters[name] for name in self.law.known()}
         return self.law(direction, surface_speed=surface_speed, unit=unit, **values)
@@ -97,7 +97,7 @@ class LawFit(Fit):
         return found if found.ndim else float(found)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Points and law over the speed, and the residuals; in given axes without these."""
+        """Plot points and law over the speed, and the residuals; no residuals if axes are given."""
         from stickslip.figures.fit import plot_law_fit
 
         return plot_law_fit(self, ax)
@@ -125,7 +125,7 @@ def fit_law(
         speed. A mapping or a DataFrame has a column named ``v`` or ``speed`` and one named ``F`` or
         ``force``, or exactly two columns; files are read as by :meth:`stickslip.Table.read`.
     law : FrictionLaw or str
-        A law whose sliding force depends on the speed alone, such as
+        A law whose kinetic friction force depends only on the speed, such as
         :data:`stickslip.laws.stribeck`; Coulomb's with a viscous part is ``ss.laws.coulomb``.
     free : mapping of str to (float, float) or None, or names, optional
         Parameters to fit, with bounds; by default all parameters without given values.
@@ -136,14 +136,14 @@ def fit_law(
     loss : {"linear", "soft_l1", "huber", "cauchy"}
         Robust losses are less sensitive to outliers.
     starts, seed
-        As of :func:`fit`.
+        As in :func:`fit`.
     progress : callable, optional
         Called with the completed fraction.
 
     Returns
     -------
     LawFit
-        Intervals, profiles, criteria and tests as of a :class:`Fit`; its ``contact(direction)`` is
+        Intervals, profiles, criteria and tests as in a :class:`Fit`; its ``contact(direction)`` is
         the law with the estimates.
 
     Raises

@@ -201,10 +201,10 @@ class Output:
     Attributes
     ----------
     formula : str or float
-        Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
-        degrees of freedom of structures, other outputs, and quantities of contacts and energies by
-        their names in the datasets of results: ``friction_c``, ``normal_c``, ``slip_speed_c``,
-        ``energy``, accelerations ``dd_x``.
+        May use ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal
+        variables, degrees of freedom of structures, other outputs, and quantities of contacts and
+        energies by their names in the datasets of results: ``friction_c``, ``normal_c``,
+        ``slip_speed_c``, ``energy``, accelerations ``dd_x``.
     unit, meaning : str
         Unit and meaning; without a unit, the one that follows from the formula.
     """
@@ -224,11 +224,11 @@ class Contact:
 
     In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
     `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
-    potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
-    With a `dissipation` R the potential is s·R(u): it holds λ with −λ·v ≤ s R(v) for all v, and in
-    slip λ = −k ∇R(u). A face has three components, two of its velocity and a rate of turning; λ
-    is two forces and a moment. Its forces are an ellipsoid (R. D. Howe & M. R. Cutkosky, Int. J.
-    Robotics Research 15, 1996), or exactly those of a disc or a ring under an even pressure.
+    potential is s·abs(Au), and the admissible forces form an ellipse, a disc for equal axes. With a
+    `dissipation` R the potential is s·R(u): −λ·v ≤ s R(v) for all v in stick, and λ = −k ∇R(u) in
+    slip. A face has three components, two of its velocity and a rate of turning; λ is two forces
+    and a moment. Its forces are an ellipsoid (R. D. Howe & M. R. Cutkosky, Int. J. Robotics
+    Research 15, 1996), or exactly those of a disc or a ring under an even pressure.
 
     Attributes
     ----------
@@ -240,25 +240,26 @@ class Contact:
         its force in stick, which is undetermined, is 0.
     threshold : str, float or pair of these
         Largest friction force in stick, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along
-        a line; in a plane there is one. Optional with a `dissipation`, of which it is a factor.
+        a line; in a plane there is only one. Optional with a `dissipation`, which it multiplies.
     surface_speed : str, float or pair of these
         Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
         coordinates (a turntable).
     kinetic : str, float, pair of these or None
-        Friction force k ≤ s in slip; may use ``speed`` = |u|, in a plane abs(Au), with a
-        dissipation R(u), which of a face is a mean of the speeds of its points. By default k = s.
+        Friction force k ≤ s in slip; may use ``speed``, which is |u| along a line, abs(Au) in a
+        plane, and R(u) with a `dissipation` (for a face, a mean of the speeds of its points). By
+        default k = s.
     unit : str
         Unit of the friction force.
     axes : pair of str or float, or three
         Half axes of the set of forces, relative to the threshold: for a contact in a plane, or a
         face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
     dissipation : str or Dissipation, optional
-        R, of a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
-        which is kept as its formula, or a formula in ``v1``, ``v2`` (``v3``) and parameters,
+        R, for a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
+        which is stored as its formula, or a formula in ``v1``, ``v2`` (``v3``) and parameters,
         convex, positive and homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``,
         with a gradient wherever v is not 0. It need not be even. ``"disc(v1, v2, a*v3)"`` and
-        ``"ring(v1, v2, a*v3)"`` are the mean speed of a disc and of a ring of radius a. Its
-        coordinates are inertial.
+        ``"ring(v1, v2, a*v3)"`` are the mean speed of a disc and of a ring of radius a. The
+        coordinates of the contact must be inertial.
     """
 
     direction: Direction | tuple[Direction, ...]
@@ -278,7 +279,7 @@ class Contact:
             object.__setattr__(self, "threshold", 1.0)
 
     def components(self, name: str) -> dict[str, Contact]:
-        """By name, a contact along each of its directions."""
+        """A contact along each direction, by name."""
         if isinstance(self.direction, str):
             return {name: self}
         given = self.surface_speed
@@ -297,34 +298,34 @@ class Unilateral:
     a line or in a plane, optionally with adhesion.
 
     Thresholds of all contacts of inertial coordinates may use its normal force, with the name
-    ``normal_foot`` for a contact named foot. They must be linear in normal forces, of which there
-    may be several. Friction in a plane depends on one normal force, and may change it if it is the
-    only such contact of its body.
+    ``normal_foot`` for a contact named foot. They must be linear in normal forces, and may use
+    several. Friction in a plane may depend on only one normal force, and may influence this force
+    only if the body has no other such contact.
 
     Attributes
     ----------
     gap : str
-        g(q, t), a function of inertial coordinates and time: the distance. The normal force is the
-        one that does work on it, so for friction it has to be a length in the units of that.
+        g(q, t), a function of inertial coordinates and time: the distance. The normal force is
+        conjugate to it, so with friction it must be a length in the units of the sliding distance.
     direction : str or pair of str
         Linear combination of rates of the sliding direction, with coefficients that depend on q and
         t; two combinations in a plane.
     mu : str or float
         Coefficient of friction μ ≥ 0; may depend on the state and on time.
     kinetic : str or float, optional
-        Coefficient in slip, at most μ; may depend on the speed too, as ``speed``. By default μ.
+        Coefficient of kinetic friction, at most μ; may also depend on ``speed``. By default μ.
     surface_speed : str, float or pair of these
-        Speed w(t) of the surface along the direction; in a plane as of a :class:`Contact`.
+        Speed w(t) of the surface along the direction; in a plane as in a :class:`Contact`.
     restitution, tangential_restitution : str or float
         Coefficients of restitution of Newton's impact law, normal and tangential, between 0 and 1.
     unit : str
         Unit of the forces.
     axes : pair of str or float
-        As of a :class:`Contact`: in a plane, the half axes of the set of forces in parts of μN.
+        As in a :class:`Contact`: in a plane, the half axes of the set of forces relative to μN.
     adhesion : str or float
         Largest tensile force of the closed contact, N₀ ≥ 0: N ≥ −N₀, and friction is μ(N + N₀), by
-        Derjaguin's law. The contact opens when the tension exceeds N₀, has no force while open, and
-        adheres again after closing. Adhesion is a force, not an energy, and does not affect
+        Derjaguin's law. The contact opens when the tension exceeds N₀, exerts no force while open,
+        and adheres again after closing. Adhesion is a force, not an energy, and does not affect
         impacts. May depend on the state and on time.
     """
 
@@ -371,8 +372,8 @@ class Bilateral:
     Attributes
     ----------
     constraint : str
-        g(q, t), a function of inertial coordinates and time, zero at the initial state. N is the
-        force that does work on it, so for friction it has to be a length in the units of that.
+        g(q, t), a function of inertial coordinates and time, zero at the initial state. N is
+        conjugate to it, so with friction it must be a length in the units of the sliding distance.
     direction, mu, surface_speed, unit, axes, kinetic
         As in a :class:`Unilateral`.
     """
@@ -404,7 +405,7 @@ def _rubbing(contact: Unilateral | Bilateral, name: str, adhesion: Formula = 0.0
 
 @dataclass(frozen=True)
 class LawContact:
-    """A contact with a friction law of :mod:`stickslip.model.laws`, by its name.
+    """A contact with a named friction law of :mod:`stickslip.model.laws`.
 
     Attributes
     ----------
@@ -431,14 +432,14 @@ class LawContact:
         hold_plain(self)
 
     def plain(self) -> dict[str, Any]:
-        """Its entry in a model file; :meth:`from_plain` gives it back."""
+        """Its entry in a model file; :meth:`from_plain` is the inverse."""
         given = {"surface_speed": self.surface_speed, "unit": self.unit}
         others = {key: value for key, value in given.items() if value not in (0.0, "")}
         return {"law": self.law, "direction": self.direction, **self.values, **others}
 
     @classmethod
     def from_plain(cls, entry: Mapping[str, Any]) -> Self:
-        """The contact of an entry that has a law and a direction."""
+        """The contact from an entry with a law and a direction."""
         own = {item.name for item in fields(cls)} - {"values"}
         values = {key: value for key, value in entry.items() if key not in own}
         return cls(values=values, **{key: entry[key] for key in own & entry.keys()})
@@ -494,15 +495,15 @@ E = TypeVar("E", "Parameter", "Output")
 
 
 class Entries(Generic[E]):
-    """A field of a declaration that holds a table of entries and takes a plain value for an entry
-    of which nothing else is said: ``parameters={"k": 1.0}`` for ``{"k": Parameter(1.0)}``.
+    """A table of entries in a declaration. A plain value is converted to an entry:
+    ``parameters={"k": 1.0}`` means ``{"k": Parameter(1.0)}``.
 
     Parameters
     ----------
     kind : type
         Parameter or Output.
     plain : type or tuple of types
-        Of the values that it makes entries of.
+        Types of the values that are converted to entries.
     """
 
     def __init__(self, kind: type[E], plain: Any) -> None:

@@ -135,26 +135,26 @@ class Samples(TimeFunction):
         name: str = "",
         unit: str = "",
     ) -> Samples:
-        """Samples of two columns of a text file.
+        """Read samples from two columns of a text file.
 
         Parameters
         ----------
         file : path
-            Columns that commas, semicolons, tabs or blanks separate, with a line of names; lines
-            that begin with # are left out. Or a record of strong motion in the format of PEER, with
-            the ending .AT2, .VT2 or .DT2, whose times are counted from 0.
+            Columns separated by commas, semicolons, tabs or blanks, with a header line of names;
+            lines that begin with # are skipped. Or a strong-motion record in PEER format, with the
+            suffix .AT2, .VT2 or .DT2, whose times begin at 0.
         time, value : str
-            Names of the columns. By default the times are in the column called ``time`` or ``t``,
-            the values in that called by the `name`, or ``value``, or else in the only other one.
+            Names of the columns. By default, the times are in the column ``time`` or ``t``, and the
+            values in the column named `name` or ``value``, or else in the only other one.
         kind, periodic, unit
-            As of :class:`Samples`.
+            As in :class:`Samples`.
         name : str
-            What the values are, such as the name of a drive.
+            Name of the values, such as that of a drive.
 
         Raises
         ------
         DeclarationError
-            If it cannot be read, has no such columns, or something in them is wrong; the message
+            If the file cannot be read, a column is missing, or an entry is invalid; the message
             names the row, the column and the remedy.
         """
         if is_strong_motion(file):
@@ -182,12 +182,12 @@ class Samples(TimeFunction):
         return f"{count} from {first:.6g} to {last:.6g}, {self.kind}{repeats}{unit}"
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Their values over time, with what is between them.
+        """Plot the samples and their interpolation over time.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Draw into these axes of a figure of yours.
+            Existing axes to draw into.
 
         Returns
         -------
@@ -215,7 +215,7 @@ class Samples(TimeFunction):
 
     @cached_property
     def digest(self) -> str:
-        """A name for their content."""
+        """Hash of the content."""
         content = hashlib.sha256(f"{self.kind} {self.periodic} {self.unit}".rstrip().encode())
         for part in (self.times, self.values):
             content.update(np.ascontiguousarray(part).data)
@@ -232,14 +232,14 @@ class Samples(TimeFunction):
         return self.span[1] - self.span[0] if self.periodic else 0.0
 
     def covers(self, start: float, stop: float) -> bool:
-        """Whether they cover a time span."""
+        """Whether the samples cover a time span."""
         first, last = self.span
         near = NEAR_SAMPLE * max(abs(first), abs(last))
         return self.periodic or (first - near <= start and stop <= last + near)
 
     @cached_property
     def pieces(self) -> PiecewisePolynomial:
-        """Their polynomials, which equal samples share."""
+        """The interpolating polynomials; equal samples share them."""
         name = f"samples_{self.digest}"
         found = LIVING.get(name)
         if found is None:
@@ -274,13 +274,13 @@ class Samples(TimeFunction):
         ----------
         table : mapping
             With ``file`` (relative to the folder), ``time`` and ``value``; or ``times`` and
-            ``values``; or ``packed``. With ``kind`` and ``periodic`` if they are not linear or
-            repeat, and the ``unit`` of the values.
+            ``values``; or ``packed``. Optionally with ``kind``, ``periodic`` and the ``unit`` of
+            the values.
         where : str
             The key, for messages.
         folder : path
         name : str
-            What the values are, as in :meth:`read`.
+            Name of the values, as in :meth:`read`.
 
         Raises
         ------
@@ -338,7 +338,7 @@ class Samples(TimeFunction):
         return found if np.ndim(t) else float(found)
 
     def at(self, t: Expr) -> Expr:
-        """Their value as an expression of an expression that increases with time."""
+        """The interpolated value, as an expression, at an argument that increases with time."""
         rows = self.pieces.rows()
         even, odd, gate = (rows[side] for side in ("even", "odd", "gate"))
         return ex.select(ex.call(gate, t), ex.call(even, t), ex.call(odd, t))

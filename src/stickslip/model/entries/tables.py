@@ -94,8 +94,9 @@ class Table:
     source : mapping, optional
         The ``file``, and the names of its columns ``of`` and ``value``.
     unit : str
-        Unit of the values; empty if it is not declared, so that nothing is compared with it. Slopes
-        and integrals have it over, and times, the unit of the argument.
+        Unit of the values; empty if it is not declared, so that nothing is compared with it. The
+        unit of a slope is this unit divided by that of the argument, and the unit of an integral is
+        their product.
 
     Raises
     ------
@@ -184,28 +185,28 @@ class Table:
         name: str = "",
         unit: str = "",
     ) -> Table:
-        """A table of columns of a text file.
+        """Read a table from columns of a text file.
 
         Parameters
         ----------
         file : path
-            Columns that commas, semicolons, tabs or blanks separate, with a line of names. Lines
-            that begin with # are left out. Of a surface each row is a place of the grid, in any
-            order.
+            Columns separated by commas, semicolons, tabs or blanks, with a header line of names;
+            lines that begin with # are skipped. For a surface, each row is a point of the grid, in
+            any order.
         of : str or pair of str
-            The column of the points, by default the first one; of a surface two columns.
+            Column of the points, by default the first one; two columns for a surface.
         value : str
-            The column of the values: by default that called by the `name`, or ``value``, or else
-            the only other one.
+            Column of the values: by default the one named `name` or ``value``, or else the only
+            other one.
         kind, outside, unit
-            As of :class:`Table`.
+            As in :class:`Table`.
         name : str
-            How formulas call it.
+            Name of the table in formulas.
 
         Raises
         ------
         DeclarationError
-            If it cannot be read, has no such columns, or something in them is wrong; the message
+            If the file cannot be read, a column is missing, or an entry is invalid; the message
             names the row, the column and the remedy.
         """
         arguments = (of,) if isinstance(of, str) and of else tuple(of)
@@ -246,12 +247,12 @@ class Table:
         return _again, again
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """The values over the points, with what is between them; a surface as levels.
+        """Plot the points and the interpolation; a surface as contour levels.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Draw into these axes of a figure of yours.
+            Existing axes to draw into.
 
         Returns
         -------
@@ -274,14 +275,14 @@ class Table:
 
     @property
     def given(self) -> Any:
-        """Its values, numbers and formulas."""
+        """The values as given: numbers or formulas."""
         if not self.formulas:
             return self.values
         return [self.formulas.get(i, float(v)) for i, v in enumerate(self.values)]
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """What its arguments are called where formulas are read."""
+        """Names of its arguments in formulas that are parsed."""
         return ("x", "y")[: len(self.axes)]
 
     @property
@@ -291,7 +292,7 @@ class Table:
 
     @cached_property
     def digest(self) -> str:
-        """A name for its content."""
+        """Hash of the content."""
         about = f"{self.kind} {self.outside} {self.formulas} {self.unit}".rstrip()
         content = hashlib.sha256(about.encode())
         for part in (*self.axes, self.values):
@@ -334,7 +335,7 @@ class Table:
             The key, for messages.
         folder : path
         name : str
-            How formulas call it.
+            Name of the table in formulas.
 
         Raises
         ------
@@ -456,11 +457,11 @@ class Table:
         Parameters
         ----------
         called : str
-            How formulas call it; its integral, if that begins so.
+            Name of the table in formulas, or of its integral.
         open_ends : (bool, bool)
-            Whether no argument comes to the lower end, and to the upper one.
+            Whether arguments never reach the lower end, and the upper end.
         which : int, optional
-            The curve that is 1 at that point and 0 at all others, instead of its numbers.
+            If given, the curve that is 1 at this point and 0 at all others, instead of the values.
         """
 
         def make(name: str) -> PiecewisePolynomial:
@@ -508,7 +509,7 @@ class Table:
     def places_in_cells(
         self, name: str, axis: int, open_ends: tuple[bool, bool]
     ) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
-        """Along an axis of a surface: the number of the piece, and how far a place is in it."""
+        """For an axis of a surface: the number of the piece, and the local coordinate within it."""
         breaks = ends_of_pieces(self.axes[axis], open_ends)
         count = len(breaks) - 1
         covered = self._covered(axis, open_ends)
@@ -535,8 +536,8 @@ class Table:
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
     ) -> tuple[int, dict[tuple[int, int], PiecewisePolynomial]]:
-        """Number of columns of a surface, and by powers of both places in a cell its coefficients,
-        functions of the number of the cell."""
+        """Number of columns of a surface, and its coefficients by powers of both local coordinates,
+        as functions of the number of the cell."""
         cells = self._cells(open_x, open_y)
         columns, rows, high, wide = cells.shape
         breaks = np.arange(columns * rows + 1) - 0.5
@@ -567,7 +568,7 @@ class Table:
     def section(
         self, name: str, axis: int, value: float, open_ends: tuple[bool, bool]
     ) -> PiecewisePolynomial:
-        """The curve over the other axis at a place along one of them."""
+        """The section of a surface at a fixed value of one argument: a curve over the other."""
         other = 1 - axis
         ends = ((False, False), open_ends) if axis == 0 else (open_ends, (False, False))
 
@@ -590,7 +591,7 @@ class Table:
 
     @cached_property
     def surface(self) -> Surface:
-        """What is known of its values cell by cell, by Bernstein coefficients."""
+        """Bounds of the values in each cell, by Bernstein coefficients."""
         closed = (False, False)
         cells = self._cells(closed, closed)
         breaks = tuple(ends_of_pieces(axis, closed) for axis in self.axes)

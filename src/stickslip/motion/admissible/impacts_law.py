@@ -252,7 +252,7 @@ def point_along(rows: Rows, work: Array, c: int, x: float, y: float) -> None:
     Parameters
     ----------
     work : array
-        As of :class:`stickslip.motion.steps.arrays.Space`.
+        As in :class:`stickslip.motion.steps.arrays.Space`.
     c : int
         The contact, by its first direction.
     x, y : float
@@ -452,7 +452,7 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
     Parameters
     ----------
     work, tried : arrays
-        As of :class:`stickslip.motion.steps.arrays.Space`.
+        As in :class:`stickslip.motion.steps.arrays.Space`.
     mode : array of int
         Of the impact.
     """
@@ -494,7 +494,7 @@ def obeys_in_plane(
     Parameters
     ----------
     work : array
-        As of :class:`stickslip.motion.steps.arrays.Space`.
+        As in :class:`stickslip.motion.steps.arrays.Space`.
     c : int
         The contact, by its first direction.
     strong, fast : float

@@ -112,7 +112,7 @@ def find_held(flow: Flow, mode: Array, group: int, d: int, x: float, lack: float
     Parameters
     ----------
     flow, mode, group, d, x, lack
-        As of :func:`load_at`.
+        As in :func:`load_at`.
     row : int
         Row of the work space that receives it.
     """
@@ -188,7 +188,7 @@ def first_failure(
     Parameters
     ----------
     flow, mode, group, d, lack
-        As of :func:`load_at`.
+        As in :func:`load_at`.
     low, high : float
         The places.
     """
@@ -224,7 +224,7 @@ def holds_between(
     Parameters
     ----------
     flow, mode, group, d, lack
-        As of :func:`turned_until`; the additions to the forces of the mode at both ends are in the
+        As in :func:`turned_until`; the additions to the forces of the mode at both ends are in the
         work space.
     a, b : float
         The ends.
@@ -247,7 +247,7 @@ def lead_over(flow: Flow, mode: Array, group: int, d: int, a: float, b: float, l
     Parameters
     ----------
     flow, mode, group, d, a, b, lack
-        As of :func:`holds_between`.
+        As in :func:`holds_between`.
     """
     rows, space = flow.rows, flow.space
     aside, series = space.aside, space.cancelling

@@ -520,7 +520,7 @@ def is_drowned(
     Parameters
     ----------
     form, f, x, tau, omega
-        As of :func:`arrive`; nothing is changed.
+        As in :func:`arrive`; nothing is changed.
     seen : array
         Its first n entries, the largest modulus of each component so far, receive those of this
         flight.

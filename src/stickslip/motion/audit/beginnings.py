@@ -68,7 +68,7 @@ def judge_beginning(
     Parameters
     ----------
     starts, ends : Record
-        As of :func:`.audit_steps`.
+        As in :func:`.audit_steps`.
     i : int
         The step.
     tally : Tally
@@ -134,7 +134,7 @@ def hold_beginnings(
     at : Instant
         The beginning; its mode is changed.
     starts, ends, i, tally
-        As of :func:`judge_beginning`.
+        As in :func:`judge_beginning`.
     """
     rows = flow.rows
     space = flow.space
@@ -303,7 +303,7 @@ def shared_room(
     Parameters
     ----------
     machine, flow, at, slips, tally
-        As of :func:`least_room`.
+        As in :func:`least_room`.
     """
     rows, space = flow.rows, flow.space
     begins = NOWHERE
@@ -366,7 +366,7 @@ def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) ->
     Parameters
     ----------
     rows, space, c, late, force
-        As of :func:`room_left`.
+        As in :func:`room_left`.
     """
     if not force > 0.0:
         return 0.0

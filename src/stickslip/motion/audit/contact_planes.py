@@ -133,7 +133,7 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
     a, b : int
         The rows.
     factor : float
-        As of :func:`.strays`.
+        As in :func:`.strays`.
     """
     x, y = abs(W[a, 0]), abs(W[b, 0])
     u, v = discs[a, BALL], discs[b, BALL]
@@ -183,7 +183,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     c : int
         The first direction.
     factor : float
-        As of :class:`.StepPiece`.
+        As in :class:`.StepPiece`.
     tally : Tally
         Receives the largest.
     """
@@ -246,7 +246,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
     Parameters
     ----------
     state : array, shape (4, n)
-        As of :class:`Tally`; what forces make is as large as the largest then.
+        As in :class:`Tally`; what forces make is as large as the largest then.
     """
     nq = rows.sizes[INERTIAL]
     for first in (0, nq):

@@ -267,7 +267,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
         With the values of all rows.
     mode : array of int, shape (contacts,)
     room, end
-        As of :func:`fit_forces`.
+        As in :func:`fit_forces`.
     """
     cones, V = space.cones, space.V
     mq = rows.sizes[ON_INERTIAL]
@@ -564,7 +564,7 @@ def turn_strays(flow: Flow, c: int, factor: float) -> float:
     c : int
         The direction.
     factor : float
-        As of :class:`StepPiece`.
+        As in :class:`StepPiece`.
     """
     rows, space = flow.rows, flow.space
     size, strayed = 0.0, 0.0

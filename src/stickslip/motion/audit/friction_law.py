@@ -141,7 +141,7 @@ def sample_opening(
     Parameters
     ----------
     rows, space, mode, h, g, tally
-        As of :func:`sample_law`.
+        As in :func:`sample_law`.
     c : int
         The contact.
     """
@@ -260,7 +260,7 @@ def judge_opening(
     c : int
         The contact.
     factor : float
-        As of :class:`.StepPiece`.
+        As in :class:`.StepPiece`.
     tally : Tally
         Receives the largest.
     """

@@ -168,7 +168,7 @@ def explain_in_turn(
     Parameters
     ----------
     machine, flow, before, after, last, cause
-        As of :func:`explain_jump`.
+        As in :func:`explain_jump`.
     """
     rows, space = flow.rows, flow.space
     found = space.explained

@@ -184,7 +184,7 @@ def audit_step(
     Parameters
     ----------
     seen, starts, ends, extremes, accounts
-        As of :func:`audit_steps`.
+        As in :func:`audit_steps`.
     i : int
         The step.
     """

@@ -66,7 +66,7 @@ def audit_start(
     Parameters
     ----------
     starts, ends, accounts
-        As of :func:`.audit_steps`.
+        As in :func:`.audit_steps`.
     i : int
         The step, which has no length.
     """
@@ -113,7 +113,7 @@ def jump_or_collide(
     h : float
         Length of the last piece.
     ends : Record
-        As of :func:`.audit_steps`.
+        As in :func:`.audit_steps`.
     i : int
         The step.
     accounts : Accounts

@@ -88,7 +88,7 @@ def work_in_step(
     Parameters
     ----------
     seen, starts, times, work
-        As of :func:`work_until`.
+        As in :func:`work_until`.
     i : int
         The step.
     first, last : int

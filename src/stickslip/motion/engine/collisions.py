@@ -338,7 +338,7 @@ def change_in_turn(
     only : int
         A contact beside which none takes part that is open; negative: all do that touch.
     slack : float
-        As of :func:`~stickslip.motion.engine.impacts.approaching`.
+        As in :func:`~stickslip.motion.engine.impacts.approaching`.
     """
     rows, space = flow.rows, flow.space
     near = approaching(machine, flow, before, last, only, slack)

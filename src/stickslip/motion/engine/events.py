@@ -106,7 +106,7 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
     guard : int
         Number of the guard that has fired.
     leaving : array of int, shape (contacts,)
-        As of :func:`stickslip.motion.modes.pivots.flip`.
+        As in :func:`stickslip.motion.modes.pivots.flip`.
     """
     clock = lane.clock
     counters = lane.counters

@@ -229,7 +229,7 @@ def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Arra
     nk : int
         Number of kinks.
     drops : array of int, shape (contacts,)
-        As of :class:`stickslip.motion.steps.arrays.Rows`.
+        As in :class:`stickslip.motion.steps.arrays.Rows`.
     """
     if len(mode) > 1:
         for g in range(form.counts[GUARDS]):

@@ -345,7 +345,7 @@ def choose(
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
     breaks : int
-        As of :func:`choose_next`.
+        As in :func:`choose_next`.
     """
     nk = len(reg)
     for i in range(len(touched)):

@@ -599,7 +599,7 @@ def guard_together(
     g : int
         Number of the guard.
     near, late : float
-        As of :class:`GuardRow`.
+        As in :class:`GuardRow`.
     lack : float
         Part of the forces that counts as zero.
     c : array

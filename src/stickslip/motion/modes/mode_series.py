@@ -74,7 +74,7 @@ def make_series(
     Returns
     -------
     status, step
-        As of :func:`evaluate_mode`; 0 unless that is OK.
+        As in :func:`evaluate_mode`; 0 unless that is OK.
     """
     t = lane.clock[NOW]
     here = Instant(t, lane.y, lane.mode, lane.reg)

@@ -252,7 +252,7 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
     Parameters
     ----------
     J : array
-        As of :func:`loosen`.
+        As in :func:`loosen`.
     mode : array of int, shape (contacts,)
     """
     for p in range(len(rows.parts)):

@@ -93,7 +93,7 @@ def settle(
     Parameters
     ----------
     machine, flow, lane, room, hold, promised
-        As of :func:`.settle_mode`.
+        As in :func:`.settle_mode`.
 
     Returns
     -------

@@ -111,7 +111,7 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
     Parameters
     ----------
     seen : array
-        As of :func:`audited`.
+        As in :func:`audited`.
     """
     from stickslip.motion.between.flights import known_forms
 
@@ -149,7 +149,7 @@ def sums_of(problem: Problem, knots: Knots, seen: Array) -> Sums:
     Parameters
     ----------
     problem, knots, seen
-        As of :func:`audited`.
+        As in :func:`audited`.
     """
     from stickslip.motion.audit.accounts import make_accounts
     from stickslip.motion.audit.step_balance import audit_steps
@@ -178,7 +178,7 @@ def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, time
     Parameters
     ----------
     seen : array
-        As of :func:`audited`.
+        As in :func:`audited`.
     step : array of int, shape (times,)
         The knots in whose steps they are, in their order.
     times : array

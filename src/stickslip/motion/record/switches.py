@@ -62,9 +62,9 @@ class Switches:
 
     @cached_property
     def modes(self) -> dict[str, Array]:
-        """Mode of each contact from every knot on, by its name in variables: −1, 0, 1 where it
-        slips or sticks (in a plane 1 where it slips); of one that can open, 2 where it is open, and
-        3 where it is closed and without friction."""
+        """Mode of each contact after every knot, by its name in variables: 0 in stick, ±1 in slip
+        (1 in a plane); for a contact that can open also 2 if open, and 3 if closed and
+        frictionless."""
         mode = self.knots.slip
         first = {name: contact_key(parts[0]) for name, parts in self.system.rubbing.items()}
         found = {

@@ -80,7 +80,7 @@ def take_direction(rows: Rows, p: int, W: Array, N: int, x: float, V: Array) -> 
     p : int
         The plane.
     W, N, x, V
-        As of :func:`take_directions`.
+        As in :func:`take_directions`.
     """
     for row in range(rows.planes[p, AIM], rows.planes[p, AIM_SPEED] + 1):
         V[row, 0] = horner(W[row], N - 1, x)
@@ -180,7 +180,7 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
     Parameters
     ----------
     flow : Flow
-        As of :func:`spread_given`.
+        As in :func:`spread_given`.
     p, N : int
         The plane, and the order of the coefficients.
     """

@@ -147,7 +147,7 @@ def respond_along(
     way : array
         u.
     slopes : bool
-        As of :func:`respond_at`.
+        As in :func:`respond_at`.
     """
     if not any_bends(flow):
         return True
@@ -177,7 +177,7 @@ def rounded_off(
     Parameters
     ----------
     machine, flow, at, table, rank, way, rounded, slopes
-        As of :func:`respond_along`.
+        As in :func:`respond_along`.
     out : array
         Receives it.
     """

@@ -467,7 +467,7 @@ def largest_over(
     Parameters
     ----------
     flow, f, radius, a, b
-        As of :func:`over_at`.
+        As in :func:`over_at`.
     """
     low, high = angle - width, angle + width
     most = over_at(flow, f, radius, a, b, angle)

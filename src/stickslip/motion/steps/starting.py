@@ -506,7 +506,7 @@ def angle_between(
     Parameters
     ----------
     machine, flow, at, table, p
-        As of :func:`rate_towards`.
+        As in :func:`rate_towards`.
     low, high : float
         The angles; what is across is not negative at the lower one.
     """

@@ -119,7 +119,7 @@ def swings(W: Array, n: int, h: float, step: float, tol: float, atol: float, see
     Parameters
     ----------
     W, n, h, tol, atol, seen
-        As of :func:`calm`.
+        As in :func:`calm`.
     """
     x = h / W[n, 1]
     for r in range(n):
@@ -223,7 +223,7 @@ def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     room : float
         What is left of the step.
     seen : array
-        As of :func:`follow_mode`.
+        As in :func:`follow_mode`.
     """
     rows = flow.rows
     W = flow.space.W

@@ -130,7 +130,7 @@ def continue_cycle(
         The parameter that changes.
     span : (float, float)
         Its range, which contains the value of the cycle.
-    steps : Steps, optional
+    steps : StepControl, optional
     time_limit : float, optional
         Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional

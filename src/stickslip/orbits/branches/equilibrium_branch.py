@@ -94,7 +94,7 @@ def continue_equilibrium(
         range.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
-    steps : Steps, optional
+    steps : StepControl, optional
     time_limit : float, optional
         Wall-clock limit in seconds; the branch found so far is returned.
     progress : callable, optional

@@ -81,7 +81,7 @@ def hopf_curve(
         The two parameters.
     ranges : mapping of str to (float, float)
         The range of each.
-    steps : Steps, optional
+    steps : StepControl, optional
 
     Returns
     -------
@@ -112,9 +112,6 @@ def fold_curve(
     steps: StepControl | None = None,
 ) -> Branch:
     """Follow a fold of equilibria while two parameters change.
-
-    Arguments and errors as for :func:`hopf_curve`, with a point of kind ``"fold"``. Special points:
-    ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Parameters
     ----------

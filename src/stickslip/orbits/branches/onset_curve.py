@@ -84,7 +84,7 @@ def stick_onset_curve(
         The two parameters.
     ranges : mapping of str to (float, float)
         The range of each.
-    steps : Steps, optional
+    steps : StepControl, optional
 
     Returns
     -------

@@ -152,7 +152,7 @@ def trace(
     breaks : function, optional
         (last, new) ↦ the breaks between two points, in the order of travel. Zeros of test functions
         are looked for on every smooth part of its own.
-    steps : Steps, optional
+    steps : StepControl, optional
     progress : function, optional
         Called with each point, the first one included, in the order of travel.
 

@@ -58,9 +58,9 @@ class SpecialPoint:
     period : float or None
         Period of a cycle; for a Hopf point, the period of the emanating cycles.
     data : dict of str to float
-        Numbers that belong to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
+        Numbers specific to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
     note : str
-        In words: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
+        Remark: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
     residuals : tuple of Residual
         Residuals of the equations that define a point of this kind.
     """
@@ -167,8 +167,8 @@ class Branch(Result):
 
     @cached_property
     def points(self) -> xarray.Dataset:
-        """What is said of every point, measured when it is first asked for: dimension ``point``, in
-        the order along the curve."""
+        """Quantities of every point, computed on first access: dimension ``point``, in order along
+        the curve."""
         return self._table()
 
     @property
@@ -240,9 +240,9 @@ class Branch(Result):
         *quantities : str
             States, ``speed``, or other variables of the points; by default what changes most.
         ax : matplotlib.axes.Axes, optional
-            Draw the first quantity into these axes.
+            Existing axes to draw the first quantity into.
         others : sequence of Branch
-            Of the same system and parameter, such as the cycles that are born on a branch of
+            Of the same system and parameter, such as the cycles that emanate from a branch of
             equilibria.
 
         Raises
@@ -260,7 +260,7 @@ class Branch(Result):
 
     @classmethod
     def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
-        """The points, which a branch otherwise computes when they are asked for."""
+        """The points, which a branch otherwise computes on first access."""
         return {"_table": lambda: data}
 
 

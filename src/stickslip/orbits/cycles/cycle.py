@@ -75,7 +75,7 @@ class Cycle(Result):
 
     @cached_property
     def closed(self) -> Closed:
-        """The orbit as Newton's method has closed it; of a stored cycle it is closed again."""
+        """The orbit closed by Newton's method; for a stored cycle it is computed again."""
         if self._found is not None:
             return self._found
         problem = pose(
@@ -85,8 +85,7 @@ class Cycle(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of it; see
-        :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
+        """Residuals of the cycle; see :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
         return certify_cycle(self.closed)
 
     @cached_property
@@ -101,18 +100,18 @@ class Cycle(Result):
 
     @cached_property
     def time(self) -> float:
-        """When `state` is passed: only systems that are driven care."""
+        """Time of `state`; it matters only for driven systems."""
         return self.closed.shooting.start
 
     @cached_property
     def state(self) -> dict[str, float]:
-        """Where the period starts."""
+        """State at the start of the period."""
         first = self.closed.orbit.legs[0].place.state
         return dict(zip(self.system.declaration.state, map(float, first), strict=True))
 
     @cached_property
     def section(self) -> str:
-        """What is special about this state."""
+        """Description of the state at which the period starts."""
         words = {**MODE_NAMES, IS_OPEN: "open", IS_CLOSED: "closed"}
         modes = ", ".join(
             f"{c}: {mode_name(m, True) if c in self.system.planes else words[m]}"
@@ -122,25 +121,27 @@ class Cycle(Result):
 
     @cached_property
     def multipliers(self) -> Array:
-        """Floquet multipliers, complex, the largest first: how a small change of the state has
-        grown a period later. Exactly 0 for what stick, or sliding without mass, forgets."""
+        """Floquet multipliers, complex, the largest first: growth factors of small perturbations
+        over one period. Exactly 0 for perturbations that vanish in stick, or in slip without
+        mass."""
         return self.closed.spectrum.every
 
     @cached_property
     def nontrivial(self) -> Array:
-        """The multipliers that say something: without those that are 1 by symmetry."""
+        """The multipliers without those that are 1 by symmetry."""
         return self.closed.spectrum.others
 
     @cached_property
     def trivial(self) -> int:
-        """How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each
-        translation, and 1 for each position in which a contact rests that never slips."""
+        """Number of multipliers that are 1 by symmetry: one for the time shift of an autonomous
+        system, one for each translation, and one for each position of a contact that never
+        slips."""
         return len(self.closed.spectrum.trivial)
 
     @cached_property
     def differentiable(self) -> bool:
-        """Whether the return map has a derivative there; not where events coincide or a guard is
-        touched. The multipliers are then those of one side."""
+        """Whether the return map is differentiable at the cycle. It is not if events coincide or a
+        guard is touched; the multipliers are then one-sided."""
         return _differentiable(self.closed)
 
     @cached_property
@@ -150,8 +151,8 @@ class Cycle(Result):
 
     @cached_property
     def extrema(self) -> dict[str, tuple[float, float]]:
-        """Least and largest value of each component of the state, of unknowns of structures and of
-        outputs."""
+        """Smallest and largest value of each component of the state, unknown of a structure, and
+        output."""
         sums = self.trajectory.audit.sums
         ends = zip(map(float, sums.low), map(float, sums.high), strict=True)
         found = dict(zip(self.system.declaration.state, ends, strict=True))
@@ -172,16 +173,16 @@ class Cycle(Result):
 
     @cached_property
     def ranges(self) -> Array:
-        """Least and largest value of each component of the state, shape (n, 2); of modes of
-        structures these are those of samples."""
+        """Smallest and largest value of each component of the state, shape (n, 2); for modes of
+        structures, those of samples."""
         sums = self.trajectory.audit.shares
         return np.column_stack([sums.low, sums.high])
 
     @cached_property
     def harmonic(self) -> dict[str, complex]:
-        """First harmonic of each component of the state, of unknowns of structures and of outputs,
-        c of Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A
-        cycle of several periods of the drives has slower ones, too."""
+        """First harmonic of each component of the state, unknown of a structure, and output: c in
+        Re(c exp(iωt)), where ω is the frequency of the drives, or of the cycle if there are none. A
+        cycle of several periods of the drives has subharmonics as well."""
         return self._harmonics[0]
 
     @cached_property
@@ -202,7 +203,7 @@ class Cycle(Result):
         """Phase of the first harmonic of each coordinate, unknown of a structure, or output,
         relative to the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only
         drive of the system, or to the force on it (of an output, the only force that depends on
-        time). Empty if nothing drives the system; what has no drive has none."""
+        time). Empty if nothing drives the system; quantities without a drive are omitted."""
         setting = self.closed.shooting.setting
         if not setting.symmetry.driven:
             return {}
@@ -218,7 +219,7 @@ class Cycle(Result):
 
     @cached_property
     def contacts(self) -> dict[str, ContactShare]:
-        """Time in stick and slip and dissipated energy of each contact, in one period."""
+        """Duration of stick and slip and dissipated energy of each contact in one period."""
         return measure.contact_shares(self.trajectory, self._sums)
 
     @cached_property
@@ -228,7 +229,7 @@ class Cycle(Result):
 
     @cached_property
     def slip_time(self) -> float:
-        """The rest of the period."""
+        """Time in one period in which not all contacts stick."""
         return sum(phase.duration for phase in self.phases if not phase.sticks)
 
     @cached_property
@@ -243,8 +244,8 @@ class Cycle(Result):
 
     @cached_property
     def direction(self) -> dict[str, float]:
-        """Of the drift: the declared translation, or scaled to the largest component 1. Empty
-        without drift."""
+        """Direction of the drift: the declared translation, or scaled such that the largest
+        component is 1. Empty without drift."""
         return drift_of(self.system, self._shift)[0]
 
     @cached_property
@@ -261,7 +262,7 @@ class Cycle(Result):
 
     @cached_property
     def residual(self) -> float:
-        """By how much the motion fails to close, relative to its size."""
+        """Closure error of the motion, relative to its size."""
         return self.closed.shooting.miss(self.closed.orbit)
 
     @property
@@ -281,7 +282,7 @@ class Cycle(Result):
 
     @property
     def message(self) -> str:
-        """What it is, in words."""
+        """Description of the cycle."""
         return f"a {self.stability} cycle of period {with_unit(self.period, self.units['time'])}"
 
     @property
@@ -304,7 +305,7 @@ class Cycle(Result):
             Measures by the names that they have in :func:`stickslip.sweep`: ``"period"``,
             ``"speed:x"``, ``"shift:x"``, ``"state:x"``, ``"low:f"``, ``"high:f"``,
             ``"amplitude:f"``, ``"mean:f"``, ``"energy_per_cycle"``, ``"energy_per_distance"``,
-            ``"cost_of_transport:m*g"``. f is an output or any formula of what results show.
+            ``"cost_of_transport:m*g"``. f is an output or any formula of quantities of results.
 
         Raises
         ------
@@ -340,7 +341,7 @@ class Cycle(Result):
 
     @property
     def sticks(self) -> bool:
-        """Whether a contact sticks for a while."""
+        """Whether some contact sticks during a part of the period."""
         return any(share.stick_time > 0.0 for share in self.contacts.values())
 
     @property
@@ -351,8 +352,7 @@ class Cycle(Result):
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of time, energy, drift, speed and energy per distance; ``"1"`` where there is
-        none."""
+        """Units of time, energy, drift, speed and energy per distance; ``"1"`` if not declared."""
         drift, speed = drift_units(self.system, self.direction)
         energy = described(self.system, "energy_per_cycle").get("units", "1")
         return {
@@ -415,14 +415,14 @@ class Cycle(Result):
         t: tuple[float, float] | None = None,
         coordinates: Sequence[str] | None = None,
     ) -> Figure:
-        """A picture of the cycle; with a window of the time or a choice of coordinates, of one
-        period as a motion: see :meth:`stickslip.Trajectory.plot`."""
+        """Plot the cycle or, with a time window or selected coordinates, one period as a motion:
+        see :meth:`stickslip.Trajectory.plot`."""
         if t is None and coordinates is None:
             return super().plot(*quantities, ax=ax)
         return self.trajectory.plot(*quantities, ax=ax, t=t, coordinates=coordinates)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Of a gait, which contact moves when; of any other cycle its motion."""
+        """Plot the motion or, for a gait, which contact moves when."""
         if ax is None and self.drift and self.contacts:
             from stickslip.figures.gait import plot_gait
 
@@ -430,7 +430,7 @@ class Cycle(Result):
         return self.trajectory.overview(ax)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """One period as a motion is stored, and what is said of it."""
+        """One period in the form of a stored motion, with the properties of the cycle."""
         data, parts = self.trajectory.stored()
         said = {name: getattr(self, name) for name in _SAID}
         said |= {
@@ -465,20 +465,20 @@ class Cycle(Result):
 
     @validated
     def mean(self, formula: str) -> float:
-        """The mean of a formula over a period, (1/T) ∫ f dt, such as that of the force of a spring
-        by which a system is pulled.
+        """The mean of a formula over a period, (1/T) ∫ f dt, such as the mean force of a spring
+        that pulls the system.
 
         Parameters
         ----------
         formula : str
-            Of the parameters, functions, drives, facts and outputs of the system, of ``t``, the
-            state, the rates ``d_x``, and, by contact, ``friction_c`` and what else
-            :meth:`Trajectory.at` gives of it.
+            May use the parameters, functions, drives, facts and outputs of the system, ``t``, the
+            state, the rates ``d_x``, and the quantities of contacts in :meth:`Trajectory.at`, such
+            as ``friction_c``.
 
         Raises
         ------
         DeclarationError
-            If it is not a formula, or undefined somewhere on the cycle.
+            If the formula is invalid, or undefined somewhere on the cycle.
 
         Examples
         --------
@@ -498,7 +498,7 @@ class Cycle(Result):
 
     @validated
     def cost_of_transport(self, weight: float | str) -> float:
-        """Energy per distance and weight, without dimension.
+        """Energy dissipated per distance and weight; dimensionless.
 
         Parameters
         ----------
@@ -508,7 +508,7 @@ class Cycle(Result):
         Raises
         ------
         DeclarationError
-            If it is not a weight.
+            If it is not a positive number or a valid formula.
         """
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)

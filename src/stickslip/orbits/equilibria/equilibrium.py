@@ -145,7 +145,7 @@ class EquilibriumSet:
     repeats : dict of str to float
         Periods of states under which the set is invariant.
     turned : tuple of str
-        As of :class:`Equilibrium`.
+        As in :class:`Equilibrium`.
     """
 
     state: dict[str, float]
@@ -173,7 +173,7 @@ class EquilibriumSet:
 
     @property
     def stable(self) -> bool | None:
-        """Whether what does not stick decays towards the set, at the point inside."""
+        """Whether components that do not stick decay towards the set, near the interior point."""
         return None if self.eigenvalues is None else decays(self.eigenvalues)
 
     def describe(self) -> str:
@@ -284,14 +284,15 @@ class Equilibria(Result):
     def contains(self, point: Mapping[str, float]) -> bool:
         """Whether a point is one of the isolated equilibria, or in one of the sets.
 
-        This asks the conditions of rest, not the extents: a gap between two sets, or a hole in one,
-        is not part of them. Parts of the same sets that are further out than was looked count.
+        The conditions of rest are tested at the point, not the extents: a gap between two sets, or
+        a hole in one, is not part of them. Parts of the same sets outside the searched region are
+        included.
 
         Parameters
         ----------
         point : mapping of str to float
-            Values of all coordinates and internal variables. Velocities that are left out are
-            those of the equilibria.
+            Values of all coordinates and internal variables. Omitted velocities are those of the
+            equilibria.
 
         Raises
         ------
@@ -337,7 +338,7 @@ class Equilibria(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Every residual where it is worst; of nothing there is nothing to certify."""
+        """The largest value of every residual; empty if there are no equilibria."""
         if not len(self):
             return NOTHING
         found = worst([found.certificate for found in self])
@@ -374,7 +375,7 @@ class Equilibria(Result):
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """The table over ``equilibrium``; of states, drifts and extents the units."""
+        """The table as a dataset over ``equilibrium``, with units of states, drifts and extents."""
         import xarray as xr
 
         data = {}

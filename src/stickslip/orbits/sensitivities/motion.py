@@ -158,7 +158,7 @@ def sensitivities(
         Parameters; and components of the state, or unknowns of structures, for their initial
         values. Without any, only the quantities are told.
     times : array, optional
-        By default 201 of them, evenly.
+        By default 201 evenly spaced times.
     of : sequence of str, optional
         Quantities, or formulas of them; by default the state.
     touching : bool
@@ -209,7 +209,7 @@ def follow(
         Parameters; and components of the state, or unknowns of structures, for their initial
         values.
     start, touching
-        As of :func:`sensitivities`.
+        As in :func:`sensitivities`.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def at_events(
     of : sequence of str
         Quantities, or formulas of them; ``t`` is the time of the event.
     start, touching
-        As of :func:`sensitivities`.
+        As in :func:`sensitivities`.
 
     Returns
     -------

@@ -53,7 +53,7 @@ class Attraction:
         Parameters
         ----------
         engine, settling
-            As of :func:`stickslip.orbits.settling.engine.attraction.prove_all`.
+            As in :func:`stickslip.orbits.settling.engine.attraction.prove_all`.
 
         Returns
         -------

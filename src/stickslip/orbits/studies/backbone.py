@@ -186,14 +186,14 @@ class Backbone(Result):
         ]
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Frequency over the amplitude with the damping below, or other quantities.
+        """Plot the frequency over the amplitude with the damping below, or other quantities.
 
         Parameters
         ----------
         *quantities : str
             Of the points: ``frequency``, ``damping``, ``energy``, ``dissipated``, ``stick``, ...
         ax : matplotlib.axes.Axes, optional
-            Draw the first of them into these axes.
+            Existing axes to draw the first of them into.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Backbone(Result):
         return plot_backbone(self, list(quantities) or None, ax=ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Frequency over the amplitude with the damping below."""
+        """Plot the frequency over the amplitude with the damping below."""
         return self.plot(ax=ax)
 
 

@@ -134,7 +134,7 @@ class GaitStudy(Result):
         return [("gait", self._where), ("speed", f"{low} to {high}")]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Speed and period over the parameter; in given axes the speed."""
+        """Plot speed and period over the parameter; only the speed if axes are given."""
         return self.plot("speed", ax=ax) if ax is not None else self.plot("speed", "period")
 
 

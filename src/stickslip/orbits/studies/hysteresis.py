@@ -139,7 +139,7 @@ class HysteresisOperator:
     def of(
         cls, system: System, *, parameters: Mapping[str, float] | None = None
     ) -> HysteresisOperator:
-        """The operator that is inside a system.
+        """Derive the operator of a system.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class HysteresisOperator:
         ------
         DeclarationError
             If an argument is wrong, the system is not of this form, its curves are not piecewise
-            affine, or one is above the other somewhere: then there is no bounded rate.
+            affine, or the bounds cross somewhere, so that no bounded rate exists.
         """
         values = checked_values(system, parameters)
         declared = _Declared.read(system, derive(system.declaration), values)
@@ -185,26 +185,26 @@ class HysteresisOperator:
 
     @property
     def X(self) -> float:
-        """Height of the peak of G⁻: what d is after ψ has swung far down; a period of simple
-        walking has the stride 2X.
+        """Height of the peak of G⁻: the value of d after ψ has swung far down. The stride of simple
+        walking is 2X per period.
 
         Raises
         ------
         DeclarationError
-            If G⁺ has no valley or G⁻ no peak: then nothing is left of a swing.
+            If G⁺ has no valley or G⁻ no peak, so that a swing has no lasting effect.
         """
         return float(self.lower(self._turns()[0]))
 
     @property
     def psi_3(self) -> float:
-        """Where G⁺ comes down to X: from there on a swing upward moves a leg."""
+        """The ψ at which G⁺ falls to X: beyond this value, an upward swing moves a leg."""
         valley = self._turns()[1]
         return float(self.upper.crossings(self.X)[self.upper.crossings(self.X) < valley][-1])
 
     @property
     def psi_2(self) -> float:
-        """Where G⁻ rises to the valley of G⁺: up to there d stays as it is after ψ has passed the
-        valley."""
+        """The ψ at which G⁻ rises to the valley of G⁺: after ψ has passed the valley, d is constant
+        up to this value."""
         valley = self._turns()[1]
         level = float(self.upper(valley))
         return float(self.lower.crossings(level)[self.lower.crossings(level) > valley][0])
@@ -228,7 +228,7 @@ class HysteresisOperator:
         Returns
         -------
         low, high : float
-            Equal if the swing forgets where d was.
+            Equal if d after the swing does not depend on d before it.
         """
         x = self._nodes(start, end)
         low = -np.inf
@@ -260,7 +260,7 @@ class HysteresisOperator:
         return d
 
     def path(self, psi: ArrayLike, *, initial: float = 0.0) -> tuple[Array, Array]:
-        """The polygon that (ψ, d) runs along.
+        """The polygon that (ψ, d) follows.
 
         Parameters
         ----------
@@ -285,9 +285,10 @@ class HysteresisOperator:
         return everywhere, self(everywhere, initial=initial)
 
     def loop(self, low: float, high: float) -> tuple[Array, Array]:
-        """The closed curve on which (ψ, d) settles while ψ goes to and fro between two values.
+        """The closed curve to which (ψ, d) converges while ψ oscillates between two values.
 
-        Its area ∮ d dψ, anticlockwise, times the coupling is the energy that a period feeds into ψ.
+        Its area ∮ d dψ, positive if anticlockwise, times the coupling is the energy supplied to ψ
+        in a period.
         """
         start = self([low, high, low])[-1]
         return self.path([low, high, low], initial=start)
@@ -295,7 +296,7 @@ class HysteresisOperator:
     def driven(
         self, psi: Callable[[Any], Any], t_span: tuple[float, float], *, initial: float
     ) -> Play:
-        """d for a function ψ(t), whose turning points are found.
+        """d for a function ψ(t); turning points are located automatically.
 
         Returns
         -------

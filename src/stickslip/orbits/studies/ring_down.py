@@ -61,13 +61,13 @@ class RingDown(Result):
     coordinate : str
         The vibrating quantity: a name or a formula.
     dataset : xarray.Dataset
-        Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
-        points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
-        from it to the next one ``decrement`` and ``damping``, which belong to the geometric mean
-        ``damping_amplitude`` of both amplitudes; these three are not numbers in the last
-        half-cycle, which has no next one. Over ``turn``: ``turn_time``, ``turn_position``,
-        ``turn_rest`` (how long the coordinate rests there), ``turn_energy``. Over ``sample``:
-        ``sample_time`` and ``sample_position``, the motion for pictures.
+        Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the distance between its
+        turning points), ``centre`` (their midpoint), ``frequency`` (cycles per unit of time),
+        ``dissipated`` (energy), and from it to the next one ``decrement`` and ``damping``, which
+        belong to the geometric mean ``damping_amplitude`` of both amplitudes; these three are NaN
+        in the last half-cycle. Over ``turn``: ``turn_time``, ``turn_position``, ``turn_rest`` (how
+        long the coordinate rests there), ``turn_energy``. Over ``sample``: ``sample_time`` and
+        ``sample_position``, the motion for pictures.
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
@@ -119,7 +119,7 @@ class RingDown(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether there is any half-cycle, and the motion came to its end."""
+        """Whether there is any half-cycle, and the motion was completed."""
         if self.interrupted:
             return Completion.INTERRUPTED
         if self.time_up:
@@ -178,8 +178,8 @@ class RingDown(Result):
         return [*rows, *shortened([("note", note) for note in self.notes])]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """The motion between its amplitudes, and frequency and damping over the amplitude; in given
-        axes the motion."""
+        """Plot the motion with its envelope, and frequency and damping over the amplitude; only the
+        motion if axes are given."""
         from stickslip.figures.ring_down import plot_ring_down
 
         return plot_ring_down(self, ax=ax)

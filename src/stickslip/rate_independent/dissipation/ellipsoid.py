@@ -71,7 +71,8 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without
         those of length 0.
 
-        An axis shorter than some 1e-8 of the longest is lost in the rounding of S and has length 0.
+        Axes shorter than about 1e-8 of the longest are below the rounding errors of S and have
+        length 0.
         """
         if self._fixed_root is not None:
             return self._fixed_root

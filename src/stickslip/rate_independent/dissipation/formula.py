@@ -33,7 +33,8 @@ _MOST_COMPONENTS = 64
 
 @dataclass(frozen=True, eq=False)
 class SupportFormula(Dissipation, kind="formula"):
-    """Ψ(s, v) as a formula in v1, ..., vn and the phase s; K(s) is filled by its gradients.
+    """Ψ(s, v) as a formula in v1, ..., vn and the phase s; K(s) is the convex hull of its
+    gradients.
 
     Parameters
     ----------
@@ -154,8 +155,8 @@ class SupportFormula(Dissipation, kind="formula"):
         return FormulaSets(self.convex).doubt
 
     def hessian(self, v: ArrayLike, s: float = 0.0) -> Array:
-        """Second derivatives of Ψ(s, ·) at v, shape (n, n): how the point that v exposes turns with
-        v; NaN on a kink.
+        """Second derivatives of Ψ(s, ·) at v, shape (n, n): the change of the exposed point with v;
+        NaN at a kink.
 
         Parameters
         ----------

@@ -97,8 +97,8 @@ class GroupNorm(Dissipation, kind="group norm"):
         return float((self.norms(self.vector(xi, "xi")) - self.radii_at(s)).max())
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point of the balls: each group shortened, or in a metric by Newton's method,
-        to rounding."""
+        """The nearest point of the product of balls: each group is shortened or, in a metric, found
+        by Newton's method to machine precision."""
         xi = self.vector(xi, "xi")
         radii = self.radii_at(s)
         M = self.metric(metric)
@@ -136,8 +136,8 @@ class GroupNorm(Dissipation, kind="group norm"):
         return StretchesOfBalls(start, end, radii.off)
 
     def average(self, tolerance: float = 1e-8) -> AveragedGroupNorm:
-        """Each radius becomes its minimum over the phase, refined to rounding; `tolerance` is not
-        needed."""
+        """Each radius is replaced by its minimum over the phase, to machine precision; `tolerance`
+        is not used."""
         least = least_thresholds(self.radius)
         return AveragedGroupNorm(least.values, self.size, source=self, least=least)
 

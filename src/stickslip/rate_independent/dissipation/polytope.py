@@ -123,7 +123,7 @@ class Polytope(Dissipation, kind="polytope"):
         )
 
     def vertices_at(self, s: float = 0.0) -> Array | None:
-        """Points whose convex hull is K(s), shape (k, n); None where they cannot be told from
+        """Points whose convex hull is K(s), shape (k, n); None if they cannot be determined from
         half-spaces."""
         if self.corners is not None:
             return self.corners.at(s)
@@ -143,7 +143,7 @@ class Polytope(Dissipation, kind="polytope"):
         return normals / lengths[:, None], offsets / lengths
 
     def facets_at(self, s: float = 0.0) -> tuple[Array, Array] | None:
-        """Unit normals and offsets; None where they cannot be told from the vertices."""
+        """Unit normals and offsets; None if they cannot be determined from the vertices."""
         return self.halfspaces_at(s) if self.corners is None else facets(self.corners.at(s))
 
     def halfspaces(self, phases: Array) -> tuple[Array, Array] | None:
@@ -176,7 +176,7 @@ class Polytope(Dissipation, kind="polytope"):
         return float(self.sampled(np.array([s])).excess(self.vector(xi, "xi"))[0])
 
     def depth(self, xi: Array, s: float) -> float:
-        """The excess where the facets are not known."""
+        """The excess if the facets are not known."""
         return super().excess(xi, s)
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
@@ -203,8 +203,8 @@ class Polytope(Dissipation, kind="polytope"):
         )
 
     def average(self, tolerance: float = 1e-8) -> Average:
-        """Where the normals are fixed, each offset becomes its minimum over the phase; else to the
-        tolerance."""
+        """If the normals do not depend on the phase, each offset is replaced by its minimum over
+        the phase; otherwise the average is computed to the tolerance."""
         if self.faces is None or self.faces.varies:
             return Intersection(self, tolerance)
         least = least_thresholds(self._given(self.reach))

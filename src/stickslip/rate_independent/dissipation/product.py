@@ -80,7 +80,8 @@ class Product(Dissipation):
         return max(factor.excess(part, s) for factor, part in self.split(self.vector(xi, "xi")))
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point, factor by factor; in a metric by Newton's method, to rounding."""
+        """The nearest point, factor by factor; in a metric by Newton's method, to machine
+        precision."""
         xi = self.vector(xi, "xi")
         M = self.metric(metric)
         if M is None:

@@ -110,7 +110,7 @@ class SupportFunction(Dissipation):
         return self.vector(self.subgradient(s, v / length), f"subgradient at phase s = {s:g}")
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The nearest point of the convex hull of subgradients, taken where they are needed."""
+        """The nearest point of the convex hull of subgradients, which are computed as needed."""
         sure = _BY_DIFFERENCES if self.subgradient is None else _BY_SUBGRADIENTS
         return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric), sure=sure)
 

@@ -140,8 +140,8 @@ class WeightedL1(Dissipation, kind="weighted l1"):
         return StretchesOfBoxes(start, end, below.off, above.off)
 
     def average(self, tolerance: float = 1e-8) -> AveragedWeightedL1:
-        """Each weight becomes its minimum over the phase, refined to rounding; `tolerance` is not
-        needed."""
+        """Each weight is replaced by its minimum over the phase, to machine precision; `tolerance`
+        is not used."""
         above = least_thresholds(self.above)
         below = above if self.below is self.above else least_thresholds(self.below)
         lower = None if below is above else below.values

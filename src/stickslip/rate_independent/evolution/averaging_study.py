@@ -71,8 +71,8 @@ class AveragingStudy(Result):
 
     @cached_property
     def powers(self) -> dict[str, float]:
-        """Fitted exponents of the columns; of ``weak_distance``, that of the largest over the
-        tests."""
+        """Fitted exponents of the columns; for ``weak_distance``, that of the largest over all test
+        functions."""
         columns = {
             name: self.dataset[name].values
             for name in ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")
@@ -85,8 +85,8 @@ class AveragingStudy(Result):
 
     @property
     def saved(self) -> dict[str, Array]:
-        """How many times more steps, and wall time, the resolved motion took than the averaged one,
-        for each ε."""
+        """Ratios of the numbers of steps, and of the wall times, of the resolved and the averaged
+        motion, for each ε."""
         return {
             name: self.dataset[name].values
             / max(float(self.dataset[f"averaged_{name}"]), _LEAST_TIME)
@@ -102,7 +102,7 @@ class AveragingStudy(Result):
 
     @property
     def title(self) -> str:
-        """What was compared."""
+        """Description of the comparison."""
         return "fast oscillations and their average"
 
     @property
@@ -137,8 +137,8 @@ class AveragingStudy(Result):
         return [*shortened(rows), ("powers of epsilon", ", ".join(powers))]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Distances and rates against ε in double logarithmic axes, with their fitted powers; in
-        given axes the distances."""
+        """Plot distances and rates against ε in double logarithmic axes, with their fitted powers;
+        only the distances if axes are given."""
         from stickslip.figures.evolution import plot_study
 
         return plot_study(self, ax)

@@ -88,7 +88,7 @@ def evolve(
     Returns
     -------
     History
-        Always; how the computation ended is its ``outcome``.
+        Returned in any case; its ``outcome`` describes how the computation ended.
 
     Raises
     ------

@@ -92,7 +92,7 @@ class History(Result):
 
     @cached_property
     def energy_scale(self) -> float:
-        """Energy that flows: the largest of the swing of the energy, the dissipated energy and the
+        """Energy transferred: the largest of the range of the energy, the dissipated energy and the
         work of the load."""
         energy, dissipated, work = (
             self.dataset[name].values for name in ("energy", "dissipated", "work")
@@ -105,27 +105,27 @@ class History(Result):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of the evolution, and the verdict. The formulas stand in
-        ``evolution/audit.py``.
+        """Residuals of the evolution, and the verdict. ``evolution/audit.py`` contains the
+        formulas.
 
         The residuals are
 
         - *stability*: (S), largest distance of ℓ − Az from K over all steps, relative to the
           largest weight;
         - *KKT residual* of a step, relative to the largest weight;
-        - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
+        - *energy balance*: (E), largest violation at any time, relative to the energy transferred;
         - *stability between steps*: how far ℓ − Az may leave K there, relative to the largest
           weight;
         - *length of a step in periods*: 0 if the dissipation does not depend on the phase;
 
-        and, told but not judged,
+        and, reported without a limit,
 
-        - *energy balance from below*, *from above*: with the one-sided sums of dissipation and work
-          the balance lies between minus the one and the other, relative to the energy that flows;
-        - *error of z*: √(2 Σ(|defect| + slack)) and the largest that is missed, in the energy norm;
-          a bound if nothing overshoots;
-        - *samples*: times at which load and thresholds were looked at; 0 if they are bounded
-          between the steps, since they are made of formulas and tables.
+        - *energy balance from below*, *from above*: one-sided sums of dissipation and work, which
+        bound the energy balance from both sides, relative to the energy transferred; - *error of
+        z*: √(2 Σ(|defect| + slack)) plus the largest missed displacement, in the energy norm; a
+        rigorous bound if the force never leaves K between steps; - *samples*: number of times at
+        which load and thresholds were evaluated; 0 if they are bounded between the steps, because
+        they consist of formulas and tables.
         """
         column = {
             name: self.dataset[name].values
@@ -214,8 +214,8 @@ class History(Result):
         ]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Components over time with stick phases shaded, and the energies; in given axes the
-        components."""
+        """Plot components over time with stick phases shaded, and the energies; only the components
+        if axes are given."""
         if ax is not None:
             return self.plot("z", ax=ax)
         from stickslip.figures.evolution import plot_history

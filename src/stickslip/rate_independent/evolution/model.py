@@ -152,7 +152,7 @@ class EvolutionModel:
         Raises
         ------
         DeclarationError
-            If the model is a dissipation potential alone, or the evolution makes no sense.
+            If the model is only a dissipation potential, or the evolution is invalid.
         """
         for key in ("A", "load"):
             if _absent(getattr(self, key)):

@@ -105,7 +105,7 @@ class PlayMotion:
         return out
 
     def audited(self) -> PlayAudit:
-        """Energy, work and violations, integrated anew from the nodes."""
+        """Energy, work and violations, recomputed from the nodes."""
         time, position = self.time, self.z
         k = np.arange(len(self.mode))
         near = self.middle(k)

@@ -105,8 +105,8 @@ def play(
 
     Notes
     -----
-    Samples are taken as they are. Formulas and functions are replaced by polynomials that agree
-    with them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
+    Samples are used directly. Formulas and functions are replaced by polynomials that agree with
+    them to about 1e-14 of their largest value (and, where they are steep, to the rounding of t
     times the slope); turning points are then resolved unless the excursion between them is smaller
     than that. The kinks of a formula (abs, min, max, clip, piecewise) are found from the formula,
     and the approximation error is bounded, so no feature is too narrow. The kinks of a function are
@@ -170,7 +170,7 @@ def _bounds(
     Parameters
     ----------
     load, threshold, t_span, epsilon, stiffness, interpolation
-        As of :func:`play`.
+        As in :func:`play`.
     """
     ell = read(load, "load", OF_TIME, (), interpolation).panels(t_span)
     clock = OF_TIME if epsilon is None else OF_PHASE
@@ -241,7 +241,7 @@ class Play(Result):
 
     @property
     def time(self) -> Array:
-        """Nodes t_k, shape (n + 1,); a time that stands twice is a jump."""
+        """Nodes t_k, shape (n + 1,); a repeated time is a jump."""
         return self.nodes.time
 
     @property
@@ -343,30 +343,30 @@ class Play(Result):
 
     @cached_property
     def audit(self) -> PlayAudit:
-        """Energy, work and violations, integrated anew from the nodes."""
+        """Energy, work and violations, recomputed from the nodes."""
         return self.motion.audited()
 
     @property
     def dissipated(self) -> float:
-        """∫Ψ(t, ż) dt over the whole span, and what the jumps lose."""
+        """∫Ψ(t, ż) dt over the whole span, including the dissipation of jumps."""
         return float(self.audit.dissipated[-1])
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What was measured of the motion, and the verdict.
+        """Residuals of the motion, and the verdict.
 
         The residuals are
 
-        - *energy balance*: (E), largest violation at any time, relative to the energy that flows;
+        - *energy balance*: (E), largest violation at any time, relative to the energy transferred;
         - *friction law*: (S) in the form of forces: how far ℓ − a z leaves its interval, or a bound
           that it follows, relative to the largest force;
         - *rates*: largest difference between an increment of z and the integral of its rate,
           relative to z;
 
-        and, told but not judged, *samples*: most times (or phases) at which a function of Python
-        was looked at; 0 if load and thresholds are known everywhere, since they are formulas or
-        samples. The limit is 1e-9, or what the rounding of times alone makes of load and thresholds
-        where these are steep, if that is more.
+        and, reported without a limit, *samples*: largest number of times (or phases) at which a
+        Python function was evaluated; 0 if load and thresholds are formulas or samples, and so
+        known everywhere. The limit is 1e-9 or, if larger, the effect of rounded times on steep
+        loads and thresholds.
         """
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
@@ -399,7 +399,7 @@ class Play(Result):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """What of load and thresholds is known, and left out."""
+        """Parts of the given load and thresholds that the motion omits."""
         given = {"load": self.declared["load"]}
         given |= _parts(self.declared["threshold"]) if self.declared["epsilon"] is None else {}
         tables = {
@@ -496,7 +496,7 @@ class Play(Result):
         return plot_play(self, ax)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The nodes beside the dataset, and load and thresholds as they were given."""
+        """The dataset, the nodes, and load and thresholds as given."""
         import xarray as xr
 
         nodes = xr.Dataset(

@@ -84,12 +84,12 @@ class Dissipation(ABC):
         """Whether Ψ(s, ·) depends on s."""
 
     def as_formula(self) -> str:
-        """Ψ as a formula in ``v1``, ..., ``vn``, which a contact takes as its dissipation.
+        """Ψ as a formula in ``v1``, ..., ``vn``, as accepted for the dissipation of a contact.
 
         Raises
         ------
         DeclarationError
-            If it depends on the phase, or this potential says none.
+            If it depends on the phase, or this kind of potential has no formula.
         """
         if self.depends_on_phase:
             raise DeclarationError(
@@ -115,7 +115,7 @@ class Dissipation(ABC):
         """A point ξ of K(s) with ⟨ξ, v⟩ = Ψ(s, v): a subgradient of Ψ(s, ·) at v, shape (n,)."""
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
-        """The point y of K(s) with the least ½⟨M(ξ − y), ξ − y⟩.
+        """The point y of K(s) that minimises ½⟨M(ξ − y), ξ − y⟩.
 
         Parameters
         ----------
@@ -132,14 +132,14 @@ class Dissipation(ABC):
         Raises
         ------
         DeclarationError
-            If an argument does not fit, or the potential is not one at this phase.
+            If an argument has the wrong shape, or it is not a valid potential at this phase.
         ConvergenceError
             If an iterative projection cannot reach its accuracy.
 
         Notes
         -----
-        By default it is found from points that the support function exposes; the distance is
-        accurate to 1e-9 of the size of K(s).
+        By default it is found from points exposed by the support function; the distance is accurate
+        to 1e-9 of the size of K(s).
         """
         return nearest_by_support(self, self.vector(xi, "xi"), s, self.metric(metric))
 
@@ -167,7 +167,7 @@ class Dissipation(ABC):
         Parameters
         ----------
         tolerance : float
-            Accuracy of what has no closed form, relative to the size of K(s).
+            Accuracy if there is no closed form, relative to the size of K(s).
 
         Raises
         ------
@@ -182,12 +182,13 @@ class Dissipation(ABC):
 
     @classmethod
     def variables(cls, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """Names that its formulas in a model file may hold besides the phase; by default none.
+        """Names that its formulas in a model file may use in addition to the phase; by default
+        none.
 
         Parameters
         ----------
         given : mapping
-            The fields, as the file has them.
+            The fields as given in the file.
         """
         return ()
 
@@ -216,8 +217,8 @@ class Dissipation(ABC):
 
     @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
-        towards it."""
+        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` relative to the length of ξ, or to
+        the extent of K(s) in its direction."""
         xi = self.vector(xi, "xi")
         beyond = xi - self.member(xi, s)
         distance = float(np.linalg.norm(beyond))
@@ -238,7 +239,7 @@ class Dissipation(ABC):
 
     @validated
     def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """The least γ ≥ 0 with ξ in γ K(s), for ξ of shape (n,): the polar of Ψ(s, ·), at most 1
+        """The smallest γ ≥ 0 with ξ in γ K(s), for ξ of shape (n,): the polar of Ψ(s, ·), at most 1
         exactly in K(s); infinite if no multiple of K(s) reaches ξ."""
         xi = self.vector(xi, "xi")
         length = float(np.linalg.norm(xi))
@@ -263,13 +264,13 @@ class Dissipation(ABC):
         return OneByOne(self, phases)
 
     def sets(self, phases: Array) -> StableSets:
-        """K(s) at several phases, shape (m,), as the steps of an evolution ask for it; one row
-        stands for all if it does not depend on the phase.
+        """K(s) at several phases, shape (m,), as required by the steps of an evolution; a single
+        row if it does not depend on the phase.
 
         Raises
         ------
         DeclarationError
-            If the potential is not one at one of them.
+            If it is not a valid potential at one of them.
         """
         return ConvexSets(self, phases if self.depends_on_phase else phases[:1])
 
@@ -280,42 +281,42 @@ class Dissipation(ABC):
         return None
 
     def halfspaces(self, phases: Array) -> tuple[Array, Array] | None:
-        """Unit normals (k, n) and offsets (k,) of all half-spaces whose intersection K(s) is at
-        some phase of several, if it is given by such."""
+        """Unit normals, shape (k, n), and offsets, shape (k,), of the half-spaces that define K(s)
+        at several phases, if it is given by half-spaces."""
         return None
 
     @property
     def bounded(self) -> bool:
-        """Whether it is made of numbers and formulas, and so known at every phase, not only where
-        it is asked for; by default, if it does not depend on the phase."""
+        """Whether the potential consists of numbers and formulas, so that it can be bounded at all
+        phases, not only evaluated at some; by default, whether it does not depend on the phase."""
         return not self.depends_on_phase
 
     def over(self, low: Array, high: Array) -> Stretches[Any]:
-        """The potential on stretches of phases, shape (m,) each, within one period: 0 <= low <=
+        """The potential on intervals of phases, shape (m,) each, within one period: 0 <= low <=
         high <= 1.
 
-        What it says of the phases in between is proved if the potential is `bounded`, and estimated
+        Its bounds for the phases in between are proved if the potential is `bounded`, and estimated
         otherwise.
         """
         start, end, middle = (OneByOne(self, s) for s in (low, high, 0.5 * (low + high)))
         return Estimated(start, end, middle) if self.depends_on_phase else Fixed(start, end)
 
     def closest(self, phases: Array, xi: Array) -> Array:
-        """Phases near given ones, shape (k,), at which a force is closest to the boundary of K(s),
-        about."""
+        """Phases near given ones, shape (k,), at which a force is approximately closest to the
+        boundary of K(s)."""
         return phases
 
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
-        """Stretches around phases, shape (k,), at which ξ may touch K(s), and is outside by no more
-        than `enough`.
+        """Intervals around phases, shape (k,), at which ξ may touch K(s), and lies outside by at
+        most `enough`.
 
-        What is said of them is proved, from second derivatives. By default, nothing is.
+        These bounds are proved from second derivatives. By default, there are no such intervals.
         """
         return NOWHERE_NEAR
 
     @validated
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
-        """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
+        """Proximal step: the minimiser w of ½|w − v|² + step Ψ(s, w), shape (n,).
 
         By Moreau's decomposition it is v minus its nearest point in step K(s).
         """
@@ -327,7 +328,7 @@ class Dissipation(ABC):
         return v - float(step) * self.project(v / float(step), s)
 
     def vector(self, given: ArrayLike, name: str) -> Array:
-        """The argument as an array of shape (n,); refuses other sizes and NaN."""
+        """The argument as an array of shape (n,); rejects other sizes and NaN."""
         try:
             x = np.asarray(given, dtype=float)
         except (TypeError, ValueError, OverflowError):
@@ -343,7 +344,7 @@ class Dissipation(ABC):
         return finite(x, name)
 
     def metric(self, given: ArrayLike | None) -> Array | None:
-        """A metric of a projection; refuses what is not symmetric and positive definite."""
+        """Check the metric of a projection, which must be symmetric and positive definite."""
         return None if given is None else spd(given, self.dimension, "metric")
 
     # -- a page of a notebook ----------------------------------------------------------------------
@@ -488,7 +489,7 @@ class Average(Dissipation):
 
     @property
     def coverage(self) -> str:
-        """Which phases were looked at, in words."""
+        """Description of the phases that were examined."""
         return (
             f"as sampled at {self.samples} phases"
             if self.samples
@@ -497,7 +498,8 @@ class Average(Dissipation):
 
     @property
     def closed_form(self) -> ClosedForm | None:
-        """What it is, if each threshold has been replaced by its least over the phase."""
+        """The average in closed form, if each threshold is replaced by its minimum over the
+        phase."""
         return None
 
     @property

@@ -93,34 +93,35 @@ class Records(Mapping[str, Mapping[str, Samples]]):
         pattern: str = "",
         gaps: bool = False,
     ) -> Records:
-        """The records in the files of a folder, by the names of the files, in alphabetical order.
+        """Read the records from the files of a folder, named after the files, in alphabetical
+        order.
 
         Parameters
         ----------
         folder : path
         drives : str or sequence of str, optional
-            What the records drive; by default the only drive of the system. Of several, each file
-            has a column for each, called by its name.
+            Names of the driven inputs; by default the only drive of the system. If there are
+            several, each file has a column named after each of them.
         time, value, kind
-            As of :meth:`Samples.read`, which reads the files.
+            As in :meth:`Samples.read`, which reads the files.
         factor : float
-            By which all values are multiplied, such as 9.81 where they are in parts of g and the
-            system counts in m/s².
+            Factor by which all values are multiplied, such as 9.81 if they are in units of g and
+            the system uses m/s².
         peak : float, optional
-            Each record is multiplied by what makes this its largest absolute value (of its
-            components, where it has several); a scale of a map is the peak then.
+            If given, each record is scaled to this largest absolute value (over all its
+            components); the scale of a map is then the peak.
         pattern : str
-            Of the names of the files, such as ``"*_h1.csv"``; by default all tables (.csv, .tsv,
-            .txt, .dat) and all records in the format of PEER (.AT2, .VT2, .DT2).
+            Pattern of file names, such as ``"*_h1.csv"``; by default all tables (.csv, .tsv, .txt,
+            .dat) and all records in the format of PEER (.AT2, .VT2, .DT2).
         gaps : bool
-            Whether a record may have gaps: times at which samples are missing where all others are
-            evenly spaced. It is straight between its samples, there too.
+            Whether gaps are allowed: missing samples where all others are evenly spaced. They are
+            bridged by the interpolation.
 
         Raises
         ------
         DeclarationError
             If there is no such folder, or no record in it, or one of them is wrong: empty, without
-            the columns, with values that are no numbers, times that do not increase, or gaps. The
+            the columns, with values that are not numbers, times that do not increase, or gaps. The
             message names the file, the row and the remedy.
         """
         if not math.isfinite(factor) or factor == 0.0:
@@ -172,17 +173,17 @@ class Records(Mapping[str, Mapping[str, Samples]]):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """What they drive; one that is empty is the only drive of a system."""
+        """Names of the driven inputs; an empty name is the only drive of a system."""
         return tuple(next(iter(self._records.values())))
 
     @property
     def durations(self) -> list[float]:
-        """How long each is."""
+        """Duration of each record."""
         return [stop - start for start, stop in map(_span, self._records.values())]
 
     @cached_property
     def digests(self) -> tuple[str, ...]:
-        """A name for the content of each."""
+        """Hash of each record."""
         found: list[str] = []
         for parts in self._records.values():
             content = "".join(samples.digest for samples in parts.values())
@@ -191,8 +192,8 @@ class Records(Mapping[str, Mapping[str, Samples]]):
 
     @cached_property
     def numbers(self) -> Array:
-        """Where each stands on an axis: a number between 0 and 1 that is made of its content, so
-        that a map knows it again wherever it stands; shape (1, records)."""
+        """Coordinate of each record on an axis: a number between 0 and 1 derived from its content,
+        by which a map recognises it in any position; shape (1, records)."""
         return np.array([[int(digest[:13], 16) / 16.0**13 for digest in self.digests]])
 
     def _check(self) -> None:

@@ -138,7 +138,7 @@ def audit_motion(
     Parameters
     ----------
     seen, starts, ends, accounts
-        As of :func:`.audit_steps`.
+        As in :func:`.audit_steps`.
     """
     for i in range(len(ends.time)):
         if is_stopped(flow.space):
@@ -174,7 +174,7 @@ def audit_flight(
     Parameters
     ----------
     starts, ends, accounts
-        As of :func:`.audit_steps`.
+        As in :func:`.audit_steps`.
     """
     rows, space = flow.rows, flow.space
     steps, tally = accounts.steps, accounts.tally

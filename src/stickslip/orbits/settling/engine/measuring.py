@@ -539,7 +539,7 @@ def measure_all(
     Parameters
     ----------
     e, m, rules, saved, bench, found : tuples
-        As of :func:`advance_lane`.
+        As in :func:`advance_lane`.
     """
     for i in range(len(e.codes)):
         measure_lane(e, m, rules, saved, bench, found, i)
@@ -570,7 +570,7 @@ def measure_lane(
     Parameters
     ----------
     e, m, rules, saved, bench, found : tuples
-        As of :func:`advance_lane`.
+        As in :func:`advance_lane`.
     """
     numbers = m.numbers[i]
     if numbers[PHASE] == MEASURING and not is_stopped(e.flow.space):

@@ -30,7 +30,7 @@ class Shared(NamedTuple):
     desks : Desk
         Of all threads (a leading axis).
     marks, rules, saved, found : tuples
-        As of :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
+        As in :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
     """
 
     desks: Many[Desk]
