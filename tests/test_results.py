@@ -239,6 +239,17 @@ def test_has_a_picture(name: str) -> None:
         result.plot("nonsense")
 
 
+def test_quantities_that_a_plot_lists_are_drawn(name: str) -> None:
+    with pytest.raises(ss.DeclarationError) as refused:
+        made(name).plot("qq_99")
+    listed = str(refused.value).partition("Known here: ")[2].split(", ")
+    assert QUANTITY[name] in listed or "..." in listed
+    for quantity in listed:
+        if quantity != "...":
+            figure = made(name).plot(quantity)
+            assert any(axes.has_data() for axes in figure.axes), quantity
+
+
 def test_has_a_face_in_a_notebook(name: str) -> None:
     result = made(name)
     page = result._repr_html_()

@@ -102,7 +102,7 @@ def _measures() -> str:
     rows = [
         [
             markdown.code(name),
-            row.said.meaning,
+            row.said.said or row.said.meaning,
             _OF.get(row.said.of, row.said.of).format(name=name),
             "yes" if row.said.of_a_span else "",
             "yes" if row.again else "",
@@ -113,7 +113,7 @@ def _measures() -> str:
         "measure",
         "meaning",
         "argument",
-        "also without convergence",
+        "also if the drive ends",
         "computes the period again",
     ]
     return markdown.filled(

@@ -633,13 +633,13 @@ def test_guards_of_what_the_state_says(shown: str, written: str) -> None:
 @pytest.mark.parametrize(
     ("when", "said"),
     [
-        ("friction_rub + 0.5", "'friction_rub' is not allowed here. It follows from the forces"),
-        ("normal_foot - 0.5", "'normal_foot' is not allowed here. It follows from the forces"),
-        ("dd_x", "Write the force of a spring that carries it"),
+        ("friction_rub + 0.5", "'friction_rub' is not allowed here. It depends on the forces"),
+        ("normal_foot - 0.5", "'normal_foot' is not allowed here. It depends on the forces"),
+        ("dd_x", "Write the force of a spring in series"),
         ("lost + 0.1", "when: it uses the output 'lost', in which 'friction_rub' is not allowed"),
         ("press - 0.5", "when: it uses the output 'press', in which 'normal_foot' is not allowed"),
-        ("dissipated_energy - 1", "declare an internal variable with its power"),
-        ("mode_rub - 0.5", "A mode passes through no zero"),
+        ("dissipated_energy - 1", "declare an internal variable with its power as law"),
+        ("mode_rub - 0.5", "A mode does not cross zero"),
     ],
 )
 def test_guards_of_forces_are_refused(when: str, said: str) -> None:

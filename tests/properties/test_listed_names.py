@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import stickslip as ss
 from bodies import chain
 from stickslip.errors import DeclarationError
+from stickslip.explorer.offline.plan import read_plan
 from stickslip.sweeps.request.user_measures import read_measures
 
 UNKNOWN = "qq_99"  # close to no name
@@ -180,6 +182,58 @@ DOORS: dict[str, Callable[[str, str], Any]] = {
         kind, jumps={"hop": ss.Jump("t - 1", {name: 0.3}, "rising")}
     ),
 }
+
+
+def modes(kind: str, name: str, mode: str = "slip+") -> ss.VectorField:
+    """The equations in slip, with one more contact."""
+    contacts = [c.name for c in system_of(kind).declaration.contacts]
+    return ss.vector_field(system_of(kind), {**dict.fromkeys(contacts, "slip+"), name: mode})
+
+
+@cache
+def map_of(kind: str) -> ss.Map:
+    """Measures over an axis."""
+    return ss.sweep(system_of(kind), {"F": [0.1, 0.2]}, ["time", "low"], settings=SHORT)
+
+
+def autonomous(kind: str) -> ss.System:
+    """The system without forces that depend on time."""
+    system = system_of(kind)
+    free = {
+        name: replace(c, force=0) if isinstance(c, ss.Inertial) else c
+        for name, c in system.coordinates.items()
+    }
+    return replace(system, coordinates=free, forces={}, drives=dict.fromkeys(system.drives, "0"))
+
+
+DOORS |= {
+    "box": lambda kind, name: ss.equilibria(autonomous(kind), box={name: (-0.1, 0.1)}),
+    "modes": modes,
+    "inputs": lambda kind, name: ss.Stepper(system_of(kind), inputs=[name]),
+    "adaptive": lambda kind, name: ss.sweep(
+        system_of(kind), {"F": "0.1:0.2:3"}, ["time"], adaptive=ss.Adaptive((name,), 0.5),
+        settings=SHORT,
+    ),
+    "slider": lambda kind, name: read_plan(system_of(kind), [name]),
+    "parameter of a branch": lambda kind, name: ss.continue_equilibrium(
+        autonomous(kind), name, (0.0, 1.0), time_limit=BRIEF
+    ),
+    "dissipation": lambda kind, name: ss.dissipation_of(
+        system_of(kind), name, values(kind) | ({"normal_floor": 1.0} if kind == "ball" else {})
+    ),
+    "coordinates of a plot": lambda kind, name: motion_of(kind).plot(coordinates=[name]),
+    "plot of a map": lambda kind, name: map_of(kind).plot(name),
+}  # fmt: skip
+SOME: dict[str, Callable[[str, str], Any]] = {
+    "drive": lambda kind, name: ss.fit_problem(
+        system_of(kind), {"t": [0.0, 1.0], "v": [0.0, 1.0]}, ["F"], {"v": "energy"},
+        drives={name: "v"},
+    ),
+    "contact in a plane": lambda kind, name: ss.figures.path_in_plane(
+        Figure().add_subplot(), motion_of(kind), name
+    ),
+}  # fmt: skip
+"""Of what not all systems have."""
 OF = ("amplitude", "speed", "state", "mean", "harmonic", "relative_phase", "energy_per_distance")
 OF += ("stick_fraction", "energy_per_cycle", "peak_force", "mean_force")
 
@@ -207,6 +261,11 @@ def check(door: Callable[[str], Any]) -> list[str]:
 @pytest.mark.parametrize("door", DOORS)
 def test_names_that_are_listed_are_accepted(door: str, kind: str) -> None:
     assert check(lambda name: DOORS[door](kind, name))
+
+
+@pytest.mark.parametrize("door", SOME)
+def test_names_of_some_systems_are_accepted(door: str) -> None:
+    assert any([check(lambda name, kind=kind: SOME[door](kind, name)) for kind in KINDS])
 
 
 @pytest.mark.parametrize("kind", KINDS)

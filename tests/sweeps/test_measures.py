@@ -3,17 +3,23 @@ method."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
+from typer.models import OptionInfo
 
 import stickslip as ss
 from stickslip.arrays import Array
-from stickslip.model.quantities import MEASURABLE, described
+from stickslip.cli.common.options import MeasureOptions
+from stickslip.model.formats.measurable import MEASURABLE
+from stickslip.model.quantities import described
 from stickslip.model.system import Inertial, Parameter, System
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles.find_cycle import find_cycle
+from stickslip.orbits.sensitivities import measured
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request import measures, one_period
 from stickslip.sweeps.work.chunk import measure_chunk
@@ -267,7 +273,15 @@ def test_crest_factors_are_those_of_a_wave() -> None:
 
 def test_every_measure_is_described() -> None:
     assert set(measures._SUMMED) | set(one_period.RULES) == set(MEASURABLE)
-    assert all(f"``{name}" in str(measures.__doc__) for name in measures.MEASURES)
+    system = ss.catalogue.rocking_toy()
+    named = {
+        name: f"{name}:x_R" if row.of == "component" else name for name, row in MEASURABLE.items()
+    }
+    assert all(described(system, text)["long_name"] for text in named.values())
+    shown = next(one.help for one in get_args(MeasureOptions) if isinstance(one, OptionInfo))
+    assert str(shown).startswith(f"Measure: {', '.join(MEASURABLE)}; ")
+    differentiable = set(re.findall(r'``"(\w+)', str(ss.Cycle.sensitivity.__doc__)))
+    assert differentiable == set(measured._RULES)
 
 
 def test_the_longest_cycle_is_a_setting() -> None:

@@ -261,7 +261,7 @@ def test_what_is_asked_of_a_fragility(shaken: ss.Map) -> None:
         (lambda: plain.fragility("shift", 0.1), "the map has no axis of records"),
         (lambda: shaken.fragility("slop", 0.1), "has no measure 'slop'. Did you mean 'slip'"),
         (lambda: shaken.fragility("slip", np.inf), "inf is not a number"),
-        (lambda: shaken.fragility("slip", 0.1, over="S"), "unknown axis 'S'. Choose from scale"),
+        (lambda: shaken.fragility("slip", 0.1, over="S"), "unknown axis 'S'. Known here: scale"),
     ]
     for call, words in asked:
         with pytest.raises(DeclarationError, match=words):

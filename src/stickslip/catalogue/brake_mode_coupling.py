@@ -38,7 +38,7 @@ def brake_mode_coupling(**given: float | str) -> System:
             "alpha_1": Parameter(150.0 * 3.141592653589793 / 180.0, "rad", "its direction"),
             "alpha_2": Parameter(30.0 * 3.141592653589793 / 180.0, "rad", "its direction"),
             "mu": Parameter(0.6, "1", "coefficient of friction", "[0, inf)"),
-            "N_0": Parameter(10.0, "N", "normal force in the middle", "(0, inf)"),
+            "N_0": Parameter(10.0, "N", "normal force at y = 0", "(0, inf)"),
             "V": Parameter(0.1, "m/s", "speed of the belt", "(0, inf)"),
         },
         functions={

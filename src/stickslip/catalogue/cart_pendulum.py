@@ -39,7 +39,7 @@ def cart_pendulum(**given: float | str) -> System:
         functions={"push": "A*sin(omega*t)"},
         coordinates={
             "x": Inertial("m", "position of the cart", force="push"),
-            "phi": Inertial("rad", "angle of the rod from hanging"),
+            "phi": Inertial("rad", "angle of the rod from the hanging position"),
         },
         kinetic="M/2*d_x**2 + m/2*(d_x**2 + 2*l*d_x*d_phi*cos(phi) + l**2*d_phi**2)",
         potential="-m*g*l*cos(phi)",

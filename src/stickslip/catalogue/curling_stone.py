@@ -30,7 +30,7 @@ def curling_stone(**given: float | str) -> System:
             "a": Parameter(0.06, "m", "radius of the running band", "(0, inf)"),
             "b": Parameter(0.145, "m", "radius of the stone", "(0, inf)"),
             "mu": Parameter(0.03, "1", "coefficient of friction at rest", "[0, inf)"),
-            "v_0": Parameter(0.3, "m/s", "speed over which it decreases", "(0, inf)"),
+            "v_0": Parameter(0.3, "m/s", "speed over which friction decreases", "(0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
         },
         coordinates={

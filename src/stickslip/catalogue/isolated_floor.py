@@ -49,6 +49,6 @@ def isolated_floor(**given: float | str | TimeFunction) -> System:
         contacts={"bearings": Contact(("d_x", "d_y"), threshold="mu*m*g", unit="N")},
         span=DefaultSpan((0, 15)),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "nothing holds the floor")},
+        conditions={"friction": Condition("mu > 0", "without friction the floor never sticks")},
         facts={"period": "2*pi*sqrt(R/g)", "largest_offset": "mu*R"},
     ).configure(given)

@@ -33,7 +33,7 @@ def iwan_oscillator(**given: float | str) -> System:
             "c": Parameter(0.02, "N*s/m", "viscous damping", "[0, inf)"),
             "k": Parameter(1.0, "N/m", "stiffness", "(0, inf)"),
             "k_j": Parameter(1.0, "N/m", "stiffness of the joint", "(0, inf)"),
-            "F_c": Parameter(0.5, "N", "force that the joint holds", "(0, inf)"),
+            "F_c": Parameter(0.5, "N", "largest force of the joint", "(0, inf)"),
             "chi": Parameter(0.0, "1", "exponent of the distribution", "(-1, inf)"),
             "P": Parameter(0.2, "N", "amplitude of the force", "(0, inf)"),
             "omega": Parameter(1.2, "rad/s", "angular frequency of the force", "(0, inf)"),

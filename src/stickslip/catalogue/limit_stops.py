@@ -35,7 +35,7 @@ def limit_stops(**given: float | str) -> System:
             "right": Parameter(0.001016, "m", "position of the right stop"),
             "F_c": Parameter(1.0, "N", "dry friction", "[0, inf)"),
             "e": Parameter(0.3, "1", "restitution of the stops", "[0, 1]"),
-            "area": Parameter(7.373657906574696e-5, "m^2", "area that is pushed", "(0, inf)"),
+            "area": Parameter(7.373657906574696e-5, "m^2", "area under pressure", "(0, inf)"),
             "P_0": Parameter(6895.0 * 18.0, "Pa", "mean pressure"),
             "P_1": Parameter(6895.0 * 4.0, "Pa", "amplitude of the pressure"),
             "omega": Parameter(500.0 * pi, "1/s", "frequency of the pressure", "(0, inf)"),

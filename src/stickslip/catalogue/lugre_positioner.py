@@ -24,7 +24,7 @@ def lugre_positioner(**given: float | str) -> System:
     """
     return System(
         name="lugre_positioner",
-        title="Positioned mass that hunts, LuGre friction",
+        title="Positioning with integral action: hunting, LuGre friction",
         source="Canudas de Wit, Olsson, Åström and Lischinsky 1995",
         parameters={
             "m": Parameter(1.0, "kg", "mass", "(0, inf)"),

@@ -62,6 +62,6 @@ def pendulum_bearing(**given: float | str | TimeFunction) -> System:
         },
         span=DefaultSpan((0, 15)),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "nothing holds the mass")},
+        conditions={"friction": Condition("mu > 0", "without friction the mass never sticks")},
         facts={"period": "2*pi*sqrt(R/g)", "steepest_rest": "atan(mu)"},
     ).configure(given)

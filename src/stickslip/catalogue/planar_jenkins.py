@@ -47,7 +47,7 @@ def planar_jenkins(**given: float | str) -> System:
             "x": Inertial("m", "position of the mass", force="P*cos(omega*t)"),
             "y": Inertial("m", "position across", force="Q*sin(omega*t)"),
             "z_x": RateIndependent("m", "position of the slider"),
-            "z_y": RateIndependent("m", "position of the slider across"),
+            "z_y": RateIndependent("m", "position of the slider along y"),
         },
         kinetic="m/2*(d_x**2 + d_y**2)",
         potential="k/2*(x**2 + y**2) + k_d/2*((x - z_x)**2 + (y - z_y)**2)",
@@ -55,6 +55,6 @@ def planar_jenkins(**given: float | str) -> System:
         contacts={"damper": Contact(("d_z_x", "d_z_y"), threshold="F_c", unit="N")},
         span=(0, 80),
         time_unit="s",
-        conditions={"slip": Condition("W > 0", "no circle on which the damper slides")},
+        conditions={"slip": Condition("W > 0", "the damper does not slide on a circle")},
         facts={"circle": "sqrt(B**2 + (F_c/k_d)**2)", "circle_of_slider": "B"},
     ).configure(given)

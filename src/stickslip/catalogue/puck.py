@@ -32,7 +32,7 @@ def puck(**given: float | str) -> System:
         functions={"k": "mu*m*g"},
         coordinates={
             "x": Inertial("m", "position along the force", force="F"),
-            "y": Inertial("m", "position across it"),
+            "y": Inertial("m", "position perpendicular to the force"),
         },
         kinetic="m/2*(d_x**2 + d_y**2)",
         contacts={"table": Contact(("d_x", "d_y"), threshold="k", unit="N")},

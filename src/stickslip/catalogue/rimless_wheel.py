@@ -48,7 +48,7 @@ def rimless_wheel(**given: float | str) -> System:
         conditions={
             "walks": Condition(
                 "2*sin(alpha)*sin(gamma)/tan(2*alpha)**2 > 1 - cos(alpha - gamma)",
-                "a wheel of the rate of its cycle does not come over its top, and falls back",
+                "at the rate of its cycle the wheel does not pass the vertical, and falls back",
             )
         },
         facts={

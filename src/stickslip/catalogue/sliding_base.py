@@ -40,6 +40,6 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
         translation={"x": 1},
         span=DefaultSpan((0, 10)),
         time_unit="s",
-        conditions={"friction": Condition("mu > 0", "nothing holds the block")},
+        conditions={"friction": Condition("mu > 0", "without friction the block never sticks")},
         facts={"yield_acceleration": "mu*g"},
     ).configure(given)

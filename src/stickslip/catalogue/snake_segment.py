@@ -61,6 +61,6 @@ def snake_segment(**given: float | str) -> System:
         initial={"phi": 0.7},
         translation={"x": 1},
         conditions={
-            "push": Condition("k*B > mu_t*m*g", "it may rest for ever"),
+            "push": Condition("k*B > mu_t*m*g", "the segment may stay at rest forever"),
         },
     ).configure(given)

@@ -43,7 +43,9 @@ def stick_slip_actuator(**given: float | str) -> System:
             "slip": Condition(
                 "F_c*back/m < A/(share*T) + A/back", "friction carries the slider back"
             ),
-            "catch up": Condition("share > 1/2", "the way forth is too short to catch up"),
+            "catch up": Condition(
+                "share > 1/2", "the forward stroke is too short for the slider to catch up"
+            ),
         },
         facts={"step": "A/share - F_c*back**2/m", "mean_speed": "(A/share - F_c*back**2/m)/T"},
     ).configure(given)

@@ -31,7 +31,7 @@ def turntable(**given: float | str) -> System:
             "mu_k": Parameter(0.2, "1", "coefficient of kinetic friction", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "k": Parameter(4.0, "N/m", "stiffness of the spring", "[0, inf)"),
-            "R": Parameter(0.1, "m", "distance of its end from the axis", "(0, inf)"),
+            "R": Parameter(0.1, "m", "distance of the end of the spring from the axis", "(0, inf)"),
             "Omega_0": Parameter(1.0, "rad/s", "angular velocity of the disc", "(0, inf)"),
         },
         functions={"s": "mu*m*g", "K": "k - m*Omega_0**2"},
@@ -55,7 +55,7 @@ def turntable(**given: float | str) -> System:
         span=DefaultSpan((0, 20)),
         time_unit="s",
         conditions={
-            "carried": Condition("s > m*Omega_0**2*R", "it does not stick at the start"),
+            "carried": Condition("s > m*Omega_0**2*R", "the block does not stick at the start"),
             "drop": Condition("mu >= mu_k", "kinetic friction is above static friction"),
         },
         facts={"slip_angle": "acos((K**2 + k**2 - (s/R)**2)/(2*k*K))"},

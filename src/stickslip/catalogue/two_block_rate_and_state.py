@@ -34,7 +34,7 @@ def two_block_rate_and_state(**given: float | str) -> System:
             "a_2": Parameter(0.01, "1", "direct effect of block 2", "(0, inf)"),
             "b_1": Parameter(0.015, "1", "evolution effect of block 1", "[0, inf)"),
             "b_2": Parameter(0.018, "1", "evolution effect of block 2", "[0, inf)"),
-            "D_c": Parameter(8e-3, "m", "slip in which the states change", "(0, inf)"),
+            "D_c": Parameter(8e-3, "m", "slip distance over which the states evolve", "(0, inf)"),
             "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(1e-6, "m/s", "reference rate", "(0, inf)"),
             "sigma": Parameter(5e7, "Pa", "normal stress", "(0, inf)"),

@@ -36,7 +36,7 @@ def velocity_step(**given: float | str) -> System:
             "v_0": Parameter(3.0, "um/s", "reference rate", "(0, inf)"),
             "k": Parameter(2e-3, "1/um", "stiffness per normal stress", "(0, inf)"),
             "V_1": Parameter(3.0, "um/s", "speed before the step", "(0, inf)"),
-            "V_2": Parameter(10.0, "um/s", "speed after it", "(0, inf)"),
+            "V_2": Parameter(10.0, "um/s", "speed after the step", "(0, inf)"),
             "t_step": Parameter(20.0, "s", "time of the step"),
             "trend": Parameter(0.0, "1/um", "change of friction with displacement"),
         },

@@ -37,10 +37,17 @@ def woodpecker(**given: float | str) -> System:
             "r_0": Parameter(0.0025, "m", "radius of the pole", "(0, inf)"),
             "r_M": Parameter(0.0031, "m", "inner radius of the sleeve", "(0, inf)"),
             "h_M": Parameter(0.0058, "m", "half of the height of the sleeve", "(0, inf)"),
-            "l_M": Parameter(0.010, "m", "from the pole to the spring", "(0, inf)"),
-            "l_G": Parameter(0.015, "m", "from the spring to the bird's centre", "(0, inf)"),
-            "h_S": Parameter(0.020, "m", "height of the beak over the spring", "(0, inf)"),
-            "l_S": Parameter(0.0201, "m", "length to the beak", "(0, inf)"),
+            "l_M": Parameter(0.010, "m", "distance from the pole to the spring", "(0, inf)"),
+            "l_G": Parameter(
+                0.015, "m", "distance from the spring to the bird's centre of mass", "(0, inf)"
+            ),
+            "h_S": Parameter(0.020, "m", "height of the beak above the spring", "(0, inf)"),
+            "l_S": Parameter(
+                0.0201,
+                "m",
+                "horizontal distance of the beak from the bird's centre of mass",
+                "(0, inf)",
+            ),
             "mu": Parameter(0.3, "1", "coefficient of friction", "[0, inf)"),
             "e_1": Parameter(0.5, "1", "restitution of the beak", "[0, 1]"),
             "e_2": Parameter(0.0, "1", "restitution of the lower edge", "[0, 1]"),

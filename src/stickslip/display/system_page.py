@@ -69,7 +69,7 @@ def law_page(law: FrictionLaw, picture: Html) -> str:
         shown.balances(),
         shown.friction(),
         shown.definitions(),
-        page.tabled(rows, ("parameter", "of the example", "unit", "meaning", "may be left out")),
+        page.tabled(rows, ("parameter", "in the example", "unit", "meaning", "optional")),
     )
 
 

@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, ContactField, Field
 from stickslip.equations.mode_fields import mode_field
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.system import System
 from stickslip.symbolic.expressions import Expr, substitute, to_text
@@ -162,8 +162,8 @@ def vector_field(
             )
     for name in given:
         if name not in names:
-            known = ", ".join(names) or "none"
-            raise DeclarationError("modes", f"unknown contact '{short(name)}'", f"Known: {known}")
+            known = suggestion(name, names)
+            raise DeclarationError("modes", f"unknown contact '{short(name)}'", known)
     point = {**system.values, **(at or {})}
     kinks = [substitute(g, equations.speeds) for g in equations.kinks]
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)

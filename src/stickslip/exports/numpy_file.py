@@ -125,7 +125,7 @@ def _check(system: System) -> None:
     for name in d.rate_independent:
         refuse(f"coordinates.{name}", "it is rate-independent, and may jump")
     for name in d.resisted:
-        refuse(f"coordinates.{name}.drag", "its rate solves an equation")
+        refuse(f"coordinates.{name}.drag", "its rate is defined implicitly")
     for c in d.contacts:
         label = short(c.side_of or c.on or c.name.removeprefix(NORMAL))
         if c.plane:

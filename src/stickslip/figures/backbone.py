@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.style import (
     STICK_LINE,
     legend_above,
@@ -62,7 +62,7 @@ def plot_backbone(
             raise DeclarationError(
                 "quantities",
                 f"unknown quantity '{short(str(name))}'",
-                f"Choose from {', '.join(known)}",
+                suggestion(str(name), known),
             )
     shown = list(names or ("frequency", "damping"))
     if ax is not None:

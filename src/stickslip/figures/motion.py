@@ -393,7 +393,7 @@ class _Overview:
             plain = plane.is_disc or plane.formula is not None
             said = r"$|\lambda|$" if plain else r"$|A^{-1}\lambda|$"
             said += f"  [{unit}]" if unit else ""
-            axes.set_ylabel("part of the limit" if plane.turns else said)
+            axes.set_ylabel("fraction of the limit" if plane.turns else said)
             axes.set_title(plane.name)
             if plane is next(iter(self.in_plane.values())):
                 self.explain(axes, "size of the friction force", "threshold")

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.smooth import PIECES, smooth_curve
 from stickslip.figures.drawing.style import (
     BAND,
@@ -119,14 +119,14 @@ def _on_page(
 
 def _known(branch: Branch, names: list[str]) -> list[str]:
     """The names, if all are variables of the points."""
-    variables = [str(name) for name in branch.points.data_vars]
+    variables = [str(n) for n in branch.points.data_vars if branch.points[n].dims == ("point",)]
     known = [*variables, *(n.removeprefix("max_") for n in variables if n.startswith("max_"))]
     for name in names:
         if name not in known:
             raise DeclarationError(
                 "quantities",
                 f"unknown quantity '{short(str(name))}'",
-                f"Choose from {', '.join(known)}",
+                suggestion(str(name), known),
             )
     return names
 

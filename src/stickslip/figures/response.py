@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.smooth import PIECES, smooth_curve
 from stickslip.figures.drawing.style import (
     STICK_LINE,
@@ -77,13 +77,15 @@ def plot_response(
     DeclarationError
         If there is no such quantity.
     """
-    known = [str(n) for n in response.dataset.data_vars if response.dataset[n].dims == ("point",)]
+    data = response.dataset
+    known = [str(n) for n in data.data_vars if data[n].dims == ("point",)]
+    known = [n for n in known if n not in (response.parameter, response.level)]
     for name in names or ():
         if name not in known:
             raise DeclarationError(
                 "quantities",
                 f"unknown quantity '{short(str(name))}'",
-                f"Choose from {', '.join(known)}",
+                suggestion(str(name), known),
             )
     shown = list(names or ("amplitude", "phase"))
     if ax is not None:

@@ -251,7 +251,7 @@ def read_recording(
     some = np.any([np.isfinite(values) for values in columns.values()], axis=0)
     kept = np.flatnonzero(there & some)
     if not len(kept):
-        raise DeclarationError(where, "no row has both a time and a value", "Give one at least")
+        raise DeclarationError(where, "no row has both a time and a value", "Give at least one row")
     if not recording.events:
         kept = kept[np.argsort(clock[kept], kind="stable")]
     times = clock[kept]

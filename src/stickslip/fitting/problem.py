@@ -349,10 +349,10 @@ def _check_derivatives(system: System) -> None:
     for z in system.plain.declaration.resisted:
         raise DeclarationError(
             "system",
-            f"the rate of {z} solves an equation, since a drag or a law of friction of {z} depends "
-            "on it, so that motions have no derivatives, which a fit needs",
-            f"Let {z} be inertial, with a mass so small that it does not matter, or write the "
-            "stress as an internal variable, as in ss.catalogue.velocity_step",
+            f"the rate of {z} is defined implicitly, since a drag or friction law of {z} depends "
+            "on it; a fit needs derivatives of motions, which do not exist then",
+            f"Declare {z} inertial, with a negligible mass, or write the stress as an internal "
+            "variable, as in ss.catalogue.velocity_step",
         )
 
 

@@ -201,10 +201,10 @@ class FrictionLaw:
         return system.configure(values or {})
 
 
-_F_C = Parameter(1.0, "N", "friction while sliding", "(0, inf)")
-_F_S = Parameter(1.5, "N", "largest force at rest", "(0, inf)")
+_F_C = Parameter(1.0, "N", "kinetic friction force", "(0, inf)")
+_F_S = Parameter(1.5, "N", "static friction force", "(0, inf)")
 _V_S = Parameter(0.2, "m/s", "speed over which friction decreases", "(0, inf)")
-_K = Parameter(4.0, "N/m", "stiffness before it slides", "(0, inf)")
+_K = Parameter(4.0, "N/m", "stiffness before slip", "(0, inf)")
 _B = Parameter(0.0, "N*s/m", "coefficient of viscous friction", "[0, inf)")
 
 coulomb: FrictionLaw = FrictionLaw(
@@ -222,7 +222,7 @@ static_kinetic: FrictionLaw = FrictionLaw(
     "static_kinetic",
     "Static above kinetic friction",
     "Coulomb 1785; Popov 2010, chapter 12",
-    "The contact holds up to F_s at rest; in slip the force is F_c.",
+    "The force is at most F_s at rest, and F_c in slip.",
     parameters={"F_s": _F_S, "F_c": _F_C},
     options={"b": _B},
     threshold="F_s",
@@ -329,7 +329,9 @@ elasto_plastic: FrictionLaw = FrictionLaw(
     options={
         "sigma_1": Parameter(0.0, "N*s/m", "damping of the bristles", "[0, inf)"),
         "sigma_2": Parameter(0.0, "N*s/m", "viscous friction", "[0, inf)"),
-        "elastic": Parameter(0.7, "", "fraction of F_c below which nothing slides", "(0, 1)"),
+        "elastic": Parameter(
+            0.7, "", "fraction of F_c below which bristles do not slide", "(0, 1)"
+        ),
     },
     functions={
         "share(s)": "piecewise(s < elastic, 0, s < 1, "
@@ -370,7 +372,7 @@ iwan: FrictionLaw = FrictionLaw(
     "Jenkins elements of equal stiffness k/elements that begin to slide at displacements "
     "between 0 and phi = F_c/k (2 + chi)/(1 + chi), with a density proportional to the power "
     "chi of the displacement. With many elements the force of the first loading is k x (1 − "
-    "(x/phi)^(1 + chi)/(2 + chi)); all elements together hold F_c.",
+    "(x/phi)^(1 + chi)/(2 + chi)); the total strength of all elements is F_c.",
     parameters={"F_c": _F_C, "k": _K},
     options={
         "chi": Parameter(0.0, "", "exponent of the distribution; 0 is uniform", "(-1, inf)"),
@@ -383,13 +385,13 @@ iwan: FrictionLaw = FrictionLaw(
 
 table: FrictionLaw = FrictionLaw(
     "table",
-    "Sliding force given at points of the speed",
+    "Kinetic friction force given at points",
     "a measurement",
     "Between the points (v, F) the force is interpolated by a table of the given kind (linear, "
     "pchip, cubic). Below the lowest speed it is constant; above the highest speed it is "
-    "undefined, unless 'outside' extrapolates. Negative speeds are for sliding backward, with "
-    "negative forces. At rest the contact holds N F_s; give a list for different values forward "
-    "and backward.",
+    "undefined, unless 'outside' extrapolates. Negative speeds, with negative forces, are those of "
+    "backward slip. At rest the force is at most N F_s; a list gives different values forward and "
+    "backward.",
     parameters={
         "F_s": _F_S,
         "v": Parameter(1.0, "m/s", "speeds of the points, a list"),

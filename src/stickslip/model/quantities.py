@@ -7,10 +7,8 @@ follow. What is declared without a unit is dimensionless.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +23,7 @@ from stickslip.model.entries.units import (
     unit_product,
     unit_text,
 )
+from stickslip.model.formats.measurable import MEASURABLE, UnitKind
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -340,7 +339,8 @@ def described(system: System, text: str) -> dict[str, str]:
     """Unit and meaning of a named measure, such as ``amplitude:psi``."""
     name, _, of = text.partition(":")
     known = MEASURABLE.get(name)
-    meaning, unit = known[:2] if known else (name.replace("_", " "), _none)
+    meaning = known.meaning if known else name.replace("_", " ")
+    unit = UNITS[known.unit if known else "1"]
     if name == "stick_fraction":
         return described_as(f"{meaning} of {_who_sticks(system, of)}", unit(system, of))
     return described_as(f"{meaning} ({of})" if of else meaning, unit(system, of))
@@ -414,88 +414,20 @@ def unit_of_measures(system: System, formula: Expr) -> str:
     return unit_text(_unit_from(formula, unit))
 
 
-class Measurable(NamedTuple):
-    """What a named measure is; how it is computed is in :mod:`stickslip.sweeps.request`.
-
-    Attributes
-    ----------
-    unit : callable
-        The system, and what the measure is taken of -> its unit.
-    of : str
-        What it may be taken of: a component, a contact, a force, a quantity, a weight; empty:
-        nothing.
-    least, most : float, optional
-        Its bounds, where they are known.
-    of_a_span : bool
-        Whether it exists if the drive is known for a limited time, as an earthquake record is: the
-        declared span is measured then.
-    of_any : bool
-        Whether that of a formula exists for every outcome, also at rest and if the motion has not
-        converged; otherwise only for cycles and steady sliding.
-    """
-
-    meaning: str
-    unit: Callable[[System, str], str | None]
-    of: str = ""
-    least: float | None = None
-    most: float | None = None
-    of_a_span: bool = False
-    of_any: bool = False
-
-
 def _exponent(system: System, of: str) -> str:
     return per_time(system, "")
 
 
-MEASURABLE: dict[str, Measurable] = {
-    "period": Measurable("period", _time, least=0.0),
-    "amplitude": Measurable(
-        "amplitude", _component, "component", least=0.0, of_a_span=True, of_any=True
-    ),
-    "speed": Measurable("mean speed", _speed, "component", of_a_span=True, of_any=True),
-    "stick_fraction": Measurable(
-        "stick fraction", _none, "contact", least=0.0, most=1.0, of_a_span=True
-    ),
-    "energy_per_cycle": Measurable("energy dissipated per cycle", _work, "contact", least=0.0),
-    "peak_force": Measurable(
-        "largest friction force", _force, "contact", least=0.0, of_a_span=True
-    ),
-    "mean_force": Measurable("mean friction force", _force, "force", of_a_span=True),
-    "switches": Measurable("switches per cycle", _none, least=0.0),
-    "lyapunov": Measurable("largest Lyapunov exponent", _exponent),
-    "low": Measurable("smallest value", _component, "component", of_a_span=True, of_any=True),
-    "high": Measurable("largest value", _component, "component", of_a_span=True, of_any=True),
-    "shift": Measurable(
-        "shift over the measured time", _component, "component", of_a_span=True, of_any=True
-    ),
-    "state": Measurable(
-        "state at which the motion has settled",
-        _component,
-        "component",
-        of_a_span=True,
-        of_any=True,
-    ),
-    "time": Measurable("time of that state", _time, of_a_span=True),
-    "duration": Measurable("duration of the measurement", _time, least=0.0, of_a_span=True),
-    "mean": Measurable("mean", _quantity, "quantity", of_a_span=True, of_any=True),
-    "rms": Measurable(
-        "root mean square", _quantity, "quantity", least=0.0, of_a_span=True, of_any=True
-    ),
-    "crest": Measurable("crest factor", _none, "quantity", least=1.0, of_a_span=True, of_any=True),
-    "harmonic": Measurable("amplitude of the first harmonic", _quantity, "quantity", least=0.0),
-    "phase": Measurable(
-        "phase of the first harmonic", _radian, "quantity", least=-math.pi, most=math.pi
-    ),
-    "relative_phase": Measurable(
-        "phase relative to the drive",
-        _radian,
-        "quantity",
-        least=-1.5 * math.pi,
-        most=0.5 * math.pi,
-    ),
-    "energy_per_distance": Measurable("energy dissipated per distance", _per_distance, "component"),
-    "cost_of_transport": Measurable("energy per distance and weight", _none, "weight"),
+UNITS: dict[UnitKind, Callable[[System, str], str | None]] = {
+    "1": _none,
+    "angle": _radian,
+    "component": _component,
+    "energy": _work,
+    "force": _force,
+    "growth": _exponent,
+    "quantity": _quantity,
+    "rate": _speed,
+    "resistance": _per_distance,
+    "time": _time,
 }
-"""The named measures. One more is a row here and a rule in
-:mod:`stickslip.sweeps.request.one_period`, or, if the engine sums it up, in
-:mod:`stickslip.sweeps.request.measures`."""
+"""The unit of a measure, by its kind, from the system and what the measure is taken of."""

@@ -440,14 +440,14 @@ class DeclarationReader:
         known = self.motion.names.keys()
         names = {name: e for name, e in found.items() if e.symbols <= known}
         of_state = (
-            "It follows from the forces, and so from which contacts stick, not from the state "
-            "alone. Write the force of a spring that carries it, like k*(x - y), or let a contact "
-            "hold it up to its threshold"
+            "It depends on the forces, and thus on which contacts stick, not on the state alone. "
+            "Write the force of a spring in series, like k*(x - y), or use a contact with that "
+            "threshold"
         )
-        summed = "It is summed up along the motion: declare an internal variable with its power"
-        modes = (
-            "A mode passes through no zero: give a formula that does, such as a relative velocity"
+        summed = (
+            "It is an integral along the motion: declare an internal variable with its power as law"
         )
+        modes = "A mode does not cross zero: give a formula that does, such as a relative velocity"
         forbidden = {
             **self.motion.forbidden,
             **{f"mode_{contact_key(c.name)}": modes for c in result.contacts},

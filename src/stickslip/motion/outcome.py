@@ -69,8 +69,8 @@ class Outcome(Ended):
         "The time limit was reached; the results so far are kept. Increase time_limit to continue",
     )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; the results so far are kept")
-    PERIODIC = (10, "periodic", "The motion has settled on a cycle")
-    STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
+    PERIODIC = (10, "periodic", "The motion has converged to a cycle")
+    STEADY = (11, "steady", "The motion has converged to steady sliding or another equilibrium")
     NOT_SETTLED = (
         12,
         "budget spent",
@@ -156,8 +156,8 @@ class Outcome(Ended):
     INADMISSIBLE_KINETIC = (
         14,
         "kinetic force not admissible",
-        "The sliding force of a contact became negative, or larger than its threshold at the "
-        "onset of slip. Keep kinetic >= 0, and kinetic <= threshold at speed 0",
+        "The kinetic friction force of a contact became negative, or larger than its threshold at "
+        "the onset of slip. Keep kinetic >= 0, and kinetic <= threshold at speed 0",
     )
 
     @property

@@ -99,7 +99,7 @@ def simulate(
     check_positive(max_events=max_events)
     check_limit(time_limit)
     with watching(time_limit) as scope:
-        with told(progress, f"moving {system.name}") as show:
+        with told(progress, f"motion of {system.name}") as show:
             most = max_events + system.declaration.kinks_known(start, end)
             code, knots, ended = run_loop(problem, start, end, y, most, show)
         if ended is not None and not scope.ends(ended):

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.arguments import check_fields
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.sweeps.request.axes import Grid
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import INTERPOLATED
@@ -62,7 +62,7 @@ def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
             raise DeclarationError(
                 "adaptive",
                 f"'{short(name)}' is not one of the measures",
-                f"Measured: {', '.join(known)}",
+                suggestion(name, known),
             )
     if not adaptive.by or not 0.0 < adaptive.contrast < 1.0:
         raise DeclarationError(

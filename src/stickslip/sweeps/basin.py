@@ -509,7 +509,7 @@ def _dataset(
         "flag_meanings": " ".join([*nowhere, *names]),
     }
     lacked = {
-        "long_name": "what the certificate lacks",
+        "long_name": "failed criterion of the certificate",
         "flag_values": np.arange(len(LACKING), dtype=np.int8),
         "flag_meanings": " ".join(text.replace(" ", "_") for text in LACKING),
     }

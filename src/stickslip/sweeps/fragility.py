@@ -220,7 +220,7 @@ def _scale_axis(found: Map, records: str, over: str | None) -> str:
         return known[0]
     if over not in known:
         reason = "the axis is ambiguous" if over is None else f"unknown axis '{over}'"
-        remedy = f"Choose from {', '.join(known)}" if known else "Vary a scale of the records"
+        remedy = suggestion(over or "", known) if known else "Vary a scale of the records"
         raise DeclarationError("over", reason, remedy)
     return over
 

@@ -41,7 +41,7 @@ _INSTEAD: dict[Any, str] = {
     ast.Starred: "Name the parts",
     **dict.fromkeys((ast.Try, ast.Raise, ast.Assert), "Return a status"),
     **dict.fromkeys((ast.ListComp, ast.GeneratorExp), "Write a loop"),
-    **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a function of its own"),
+    **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a separate function"),
 }
 
 
@@ -104,7 +104,7 @@ class Function(Values, ast.NodeVisitor):
                 break
         else:
             self.here = self.node
-            self.refuse("types of variables do not settle", "Annotate or rename them")
+            self.refuse("the types of variables cannot be inferred", "Annotate or rename them")
         if self.doubts:
             raise self.doubts[0]
         result, given = self.result or NONE, list[tuple[str, str]]()

@@ -61,5 +61,5 @@ def show_law(name: str, settings: Iterable[str], out: Path | None) -> None:
     line = ", ".join([f'law = "{law.name}"', 'direction = "d_x"', *given])
     typer.echo(f"\nIn a model file\n  contacts.foot = {{{line}}}")
     if options:
-        typer.echo(f"  may be left out: {', '.join(options)}")
+        typer.echo(f"  optional: {', '.join(options)}")
     typer.echo(f"\nwritten   {written(folder, _FILES)}")

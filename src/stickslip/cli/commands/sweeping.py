@@ -42,9 +42,7 @@ class Convergence:
     rtol: AccuracyOfEach = 1e-10
     tolerance: Annotated[
         float,
-        typer.Option(
-            "--tolerance", help="Relative tolerance for a motion to count as settled on a cycle."
-        ),
+        typer.Option("--tolerance", help="Relative tolerance for a motion to count as settled."),
     ] = 1e-8
     max_time: Annotated[
         float | None,

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from stickslip.errors import DeclarationError
+from stickslip.model.formats.measurable import MEASURABLE
 
 
 def _systems(begun: str) -> list[str]:
@@ -75,10 +76,8 @@ MeasureOptions = Annotated[
     typer.Option(
         "--measure",
         metavar="MEASURE",
-        help="Measure: period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-        "switches, mean, rms, crest, harmonic, relative_phase, energy_per_distance, "
-        "cost_of_transport:m*g ..., also of one part as in amplitude:psi; "
-        "'name = formula' of these; file.py:function; may be repeated.",
+        help=f"Measure: {', '.join(MEASURABLE)}; of one part as in amplitude:psi, or "
+        "cost_of_transport:m*g; 'name = formula' of these; file.py:function; may be repeated.",
     ),
 ]
 Out = Annotated[

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.explorer.work.model import parameter_rows
 from stickslip.model.system import System
 from stickslip.sweeps.request.axes import read_axes
@@ -117,11 +117,11 @@ def _with_values(system: System, texts: Sequence[str], named: Sequence[str]) -> 
     for text in named:
         name = text.strip()
         if name not in system.parameters:
-            known = ", ".join(system.parameters)
+            known = suggestion(name, system.parameters)
             raise DeclarationError(
                 f"over {short(name)}",
                 "not a parameter, and without values",
-                f"{_FORM}. Parameters: {known}",
+                f"{_FORM}. {known}",
             )
         over[name] = list(_values(system, name, _STEPS[1]))
     return over

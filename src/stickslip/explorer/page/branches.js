@@ -58,7 +58,7 @@ for (const id of ["low", "high"]) explorer.$(`branch-${id}`).addEventListener("c
 explorer.branches.follow = () => {
   const over = explorer.$("branch-over").value
   const [low, high] = ["low", "high"].map((id) => explorer.typed(explorer.$(`branch-${id}`).value))
-  if (!(low < high)) return note(explorer.element("p", {class: "bad"}, "Give a range whose end exceeds its beginning."))
+  if (!(low < high)) return note(explorer.element("p", {class: "bad"}, "Enter a range whose end exceeds its start."))
   explorer.branches.found = []
   explorer.branches.over = over
   explorer.branches.range = [low, high]

@@ -72,7 +72,7 @@ explorer.evolution.draw = () => {
   if (sets !== null) {
     const chosen = offer(sets.head)
     explorer.$("friction-caption").textContent = chosen === LIMIT ? `${sets.head.names.join(", ")} over t` : "force over the phase s"
-    explorer.$("forces-caption").textContent = `force on ${sets.head.names.slice(0, 2).join(" across, on ")} up`
+    explorer.$("forces-caption").textContent = `force on ${sets.head.names.slice(0, 2).join(" (horizontal) and on ")} (vertical)`
     if (chosen === LIMIT) drawMotions(lines, sets, averaged, resolved)
     else drawCosts(lines, average, sets, resolved, Number(chosen))
     if (second) drawPlane(plane, sets, resolved)
@@ -160,7 +160,7 @@ const words = (sets, averaged, resolved, chosen) => {
   const n = explorer.number
   const {head} = sets
   const found = [explorer.element("p", {}, explorer.element("strong", {}, head.title), head.source ? ` · ${head.source}` : "")]
-  const costs = head.costs.map((c, i) => `${head.names[i]}: ${n(c.plus)} forwards, ${n(c.minus)} backwards (in the mean of the phases ${n(c.mean)}), least at the phase ${n(c.plus_at, 3)}` + (c.plus_at === c.minus_at ? "" : ` and ${n(c.minus_at, 3)}`))
+  const costs = head.costs.map((c, i) => `${head.names[i]}: ${n(c.plus)} forwards, ${n(c.minus)} backwards (mean over the phases ${n(c.mean)}), smallest at the phase ${n(c.plus_at, 3)}` + (c.plus_at === c.minus_at ? "" : ` and ${n(c.minus_at, 3)}`))
   found.push(explorer.element("p", {html: `<i>Ψ</i><sub>av</sub> of a unit motion: ${costs.map(escapeText).join("; ")}.`}))
   for (const [name, part] of [["average", averaged], ["motion", resolved]]) {
     if (part === null) { if (head.moves) found.push(explorer.element("p", {class: "busy"}, `${name}: computing`)) }

@@ -75,7 +75,7 @@ explorer.friction.draw = () => {
 // of the forces, which move with it.
 const drawForces = (head, numbers, shown) => {
   const other = head.contacts.find((c) => c.key !== shown.key)
-  explorer.$("forces-caption").textContent = `force on ${shown.name} across, on ${other.name} up`
+  explorer.$("forces-caption").textContent = `force on ${shown.name} (horizontal) and on ${other.name} (vertical)`
   const sets = {left: [], right: [], bottom: [], top: [], color: []}
   const add = (left, right, bottom, top, color, share) => {
     color += Math.round(255 * share).toString(16).padStart(2, "0")

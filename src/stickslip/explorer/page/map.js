@@ -58,7 +58,7 @@ explorer.map.fill = () => {
   for (const axis of ["x", "y"]) {
     options[axis] = explorer.$(`map-${axis}`).value
     for (const end of ["low", "high"]) options[`${axis}_${end}`] = explorer.typed(explorer.$(`map-${axis}_${end}`).value)
-    if (!(options[`${axis}_low`] < options[`${axis}_high`])) return explorer.toast("Give ranges whose ends exceed their beginnings.")
+    if (!(options[`${axis}_low`] < options[`${axis}_high`])) return explorer.toast("Enter ranges whose ends exceed their starts.")
   }
   explorer.map.found = null
   explorer.map.draw()

@@ -201,7 +201,7 @@ const missing = stored.records.filter((record) => !record.motion).length
 $("about").textContent = (stored.together || sliders.length === 1 ? "The sliders move between stored motions." : "One parameter varies at a time; the others have their declared values.")
   + " ● certified, × not certified" + (missing ? ", ○ no motion" : "") + "."
 $("stored").textContent = `Stored: ${[certified("motion"), certified("cycle"), missing ? counted(missing, "point") + " without a motion" : ""].filter(Boolean).join(", ")}. `
-  + `Between the stored values nothing is interpolated. Curves are rounded to a fraction of a pixel.`
+  + `There is no interpolation between stored values. Curves are rounded to a fraction of a pixel.`
 $("tables").append(table(["varied", "", "stored values", "from", "to", "declared"], stored.sliders.map((s) => [named(s), s.meaning, String(s.values.length), withUnit(Math.min(...s.values), s.unit), withUnit(Math.max(...s.values), s.unit), withUnit(s.declared, s.unit)])))
 if (stored.others.length) $("tables").append(table(["fixed", "", "value"], stored.others.map((o) => [named(o), o.meaning, withUnit(o.declared, o.unit)])))
 $("tables").append(element("p", {}, `Motions from t = ${exact(stored.span[0])} to ${withUnit(stored.span[1], lines.time_unit)}.`))

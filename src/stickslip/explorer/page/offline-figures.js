@@ -95,7 +95,7 @@ const drawRow = ({row, host}, i, motion) => {
     const edges = rangeOf(row.names.slice(1)).map((e) => Math.min(Math.max(e, -MOST*reach), MOST*reach))
     range = union([[low, high], edges, edges.map((e) => -e).reverse()])
   }
-  const {x, y, box, draw, add, root} = frame(host, motion.packed.t, range, {axis: last, about: `${row.title ?? row.names.map((n) => lines.plain[n]).join(", ")} over the time`})
+  const {x, y, box, draw, add, root} = frame(host, motion.packed.t, range, {axis: last, about: `${row.title ?? row.names.map((n) => lines.plain[n]).join(", ")} over time`})
   const stick = motion.stick[row.contact ?? ""] ?? []
   for (let k = 0; k + 1 < stick.length; k += 2) draw(svg("rect", {class: "held", x: x(stick[k]), y: box.top, width: Math.max(x(stick[k + 1]) - x(stick[k]), 0.5), height: box.bottom - box.top}))
   const full = motion.t.length - 1

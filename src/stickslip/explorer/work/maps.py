@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.display.symbols import unicode_unit
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.subject.systems import system_of
@@ -47,7 +47,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
     # Nothing but a name: what else the library reads here may be a file of Python.
     if measure not in (known := offered_measures(own)):
         raise DeclarationError(
-            "measure", f"unknown measure '{short(measure)}'", f"Known: {', '.join(known)}"
+            "measure", f"unknown measure '{short(measure)}'", suggestion(measure, known)
         )
     for count in _ROUNDS:
         over = {name: f"{low!r}:{high!r}:{count}" for name, low, high in axes}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.style import axis_label
 from stickslip.model.entries.units import unit_label
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
@@ -32,7 +32,7 @@ def chosen_measures(data: xarray.Dataset, measures: Sequence[str] | None) -> lis
             raise DeclarationError(
                 "measure",
                 f"the map has no measure '{short(name)}'",
-                f"Choose from {', '.join(known)}",
+                suggestion(name, known),
             )
     return list(measures) if measures else known[:-1]
 

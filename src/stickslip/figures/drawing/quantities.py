@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 from stickslip.display.symbols import is_word
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.style import (
     axis_label,
     legend_above,
@@ -60,7 +60,7 @@ def plot_quantities(
             raise DeclarationError(
                 "quantities",
                 f"unknown quantity '{short(str(name))}'",
-                f"Choose from {', '.join(known)}",
+                suggestion(str(name), known),
             )
     if ax is not None:
         colours = line_colours(len(names))

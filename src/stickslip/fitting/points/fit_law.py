@@ -166,7 +166,7 @@ def fit_law(
         raise DeclarationError(
             "law",
             f"the force of '{chosen.name}' is not a function of the speed alone",
-            "Choose a law with a sliding force, such as ss.laws.stribeck",
+            "Choose a law with a kinetic friction force, such as ss.laws.stribeck",
         )
     v, F = _read(points)
     given = dict(parameters or {})

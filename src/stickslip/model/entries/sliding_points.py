@@ -53,7 +53,7 @@ def sliding_curves(values: Mapping[str, Any], points: Sequence[str], where: str)
     if len(forward) + len(back) < len(pairs):
         raise DeclarationError(
             f"{where}.{points[0]}",
-            "with points on both sides, the force at speed 0 is the static one, F_s",
+            "with points for both directions, the force at speed 0 is static friction, F_s",
             "Remove that point, and give F_s",
         )
     for side, name in ((forward, "positive"), (back, "negative")):
@@ -61,7 +61,7 @@ def sliding_curves(values: Mapping[str, Any], points: Sequence[str], where: str)
             raise DeclarationError(
                 f"{where}.{points[0]}",
                 f"there are fewer than two {name} speeds",
-                "Give points of sliding in both directions",
+                "Give points for both directions",
             )
     return [
         Table([v for v, _ in side], [force for _, force in side], kind, outside, where=where)

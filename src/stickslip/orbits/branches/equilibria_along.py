@@ -30,8 +30,8 @@ _STABLE = {
     "flag_values": np.array([-1, 0, 1], np.int8),
     "flag_meanings": "undecided unstable stable",
 }
-_MARGIN = {"long_name": "least guard of the mode, relative to the size of its terms"}
-_ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
+_MARGIN = {"long_name": "smallest guard of the mode, relative to the size of its terms"}
+_ERROR = {"long_name": "error bound of the eigenvalues"}
 _DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 

@@ -21,7 +21,7 @@ from stickslip.certificates import Residual, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, Guard, Mode, Region, named_modes
 from stickslip.equations.mode_fields import mode_field
-from stickslip.errors import DeclarationError, StickslipError
+from stickslip.errors import DeclarationError, StickslipError, suggestion
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.problem import checked_values
@@ -140,9 +140,7 @@ class _Search:
         checked = {}
         for name, ends in box.items():
             if name not in self.state:
-                raise DeclarationError(
-                    f"box.{name}", "unknown state", f"Known: {', '.join(self.state)}"
-                )
+                raise DeclarationError(f"box.{name}", "unknown state", suggestion(name, self.state))
             low, high = (float(v) for v in ends)
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise DeclarationError(
@@ -467,7 +465,7 @@ class _Search:
             return
         residuals = (
             Residual("extent", part.error, _KNOWN, note="of its size"),
-            Residual("undecided boxes beside it", float(part.undecided), 0.0),
+            Residual("undecided boxes next to it", float(part.undecided), 0.0),
         )
         within = regions if region is None else (region,)
         new = self._set(conditions, centre, mode, within, part.dimension, part.extent, residuals)
@@ -501,7 +499,7 @@ class _Search:
             self.undecided.append(f"sets with {modes} were followed from interior points only")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
-        followed = () if exact else (Residual("parts not looked at", 1.0, 0.0),)
+        followed = () if exact else (Residual("parts not examined", 1.0, 0.0),)
         self._join(
             self._set(conditions, centre, mode, (region,), size, extent, followed), conditions
         )

@@ -398,7 +398,7 @@ def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
         c = piece.field.contacts[contact]
         if c.kind != Kind.INERTIAL or c.gap is not None:
             what = "closed contact opens" if c.gap is not None else "sliding contact comes to rest"
-            return f"a {what} at once on one side ({c.name})"
+            return f"a {what} immediately on one side ({c.name})"
         switch = len(piece.field.region) + contact
         forward, backward = (pieces(*piece.switched(switch, side)) for side in (1, -1))
         push = forward.rates(t, y, p) - backward.rates(t, y, p)

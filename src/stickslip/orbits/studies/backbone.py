@@ -412,7 +412,7 @@ def _result(
     missed = max(
         abs(row["amplitude"] / one.amplitude - 1.0) for row, one in zip(table, found, strict=True)
     )
-    own = Residual("amplitudes", missed, _AGREES, note="relative to those that were wanted")
+    own = Residual("amplitudes", missed, _AGREES, note="relative to the requested ones")
     known = max(error for _, error in harmonics)
     note = "change by the last halving of the panels"
     waves = Residual("first harmonics", known, HARMONICS_KNOWN, note=note)

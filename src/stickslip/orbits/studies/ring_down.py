@@ -275,7 +275,10 @@ def ring_down(
     trace = SwingTrace(motion, swinging.along(motion))
     turns, notes = _kept(turning_points(trace), swinging.name, motion)
     fault = Residual(
-        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest"
+        "turning points",
+        turns.fault,
+        _TURNS,
+        note="velocity at a turning point, relative to the largest",
     )
     own = motion.certificate
     return RingDown(

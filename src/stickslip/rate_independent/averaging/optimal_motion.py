@@ -57,7 +57,7 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
         raise DeclarationError(
             "optimal_motion",
             f"a table of {len(phases)} phases and {len(V)} components is too large",
-            "Use the attribute of the average with the phase of each component",
+            "Use the phases of the components: average.phases, or upper_phases and lower_phases",
         )
     motions = np.zeros((len(phases), len(V)))
     motions[place, np.flatnonzero(moving)] = V[moving]

@@ -169,7 +169,7 @@ class MeasuredSignal(Signal):
             raise DeclarationError(
                 where,
                 f"it is a function of the phase {clock.name}, but samples are functions of time",
-                f"Give a table of {clock.name}: (places, values)",
+                f"Give a table of {clock.name}: (points, values)",
             )
         self.samples = samples
         self.where = where

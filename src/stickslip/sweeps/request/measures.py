@@ -1,32 +1,18 @@
-"""The named measures of long-term motions.
+"""The named measures of long-term motions, each a row of
+:data:`stickslip.model.formats.measurable.MEASURABLE`.
 
-Measures of a cycle: ``period``, ``energy_per_cycle`` (dissipated by the contacts), ``switches``.
+They measure a cycle, rest, steady sliding, or the last part of a motion that has not converged;
+some are defined for cycles only.
 
-Measures of a cycle, of rest, of steady sliding, and of the last part of a motion that has not
-converged: ``amplitude`` (half the range, of the first component of the state or of
-``amplitude:x``), ``speed`` (along the translation, or of ``speed:x``), ``stick_fraction`` (fraction
-of the time in which all contacts stick, or ``stick_fraction:contact``), ``peak_force`` and
-``mean_force`` (largest |λ| and mean λ; over all contacts the largest |λ|, or
-``peak_force:contact``; in a plane the mean is of one component, ``mean_force:table 1``),
-``lyapunov``, ``low`` and ``high`` (minimum and maximum of a component), ``mean`` and ``rms`` (its
-time average, and its root mean square), ``crest`` (the crest factor: its largest absolute value
-divided by its root mean square), ``shift`` (its change), ``state`` (its value at the beginning of
-the measured part), ``time`` (of that beginning) and ``duration`` (of that part).
-
-In place of a component there may be an output, an unknown of a structure, a force or any other
-formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,
+A measure of a component is that of the first component of the state, unless one is named:
+``amplitude:x``. In its place there may be an output, an unknown of a structure, a force or any
+other formula of the variables of results: ``high:tip``, ``amplitude:u[tip] - u[root]``,
 ``mean:friction_ground``.
 
 If a drive is given for a limited time, such as an earthquake record, there is no long-term motion:
 the motion over the declared span is measured, and measures of cycles are refused.
 
-Some measures compute the period once more: those of formulas, ``harmonic`` and ``phase`` (amplitude
-and phase of the first harmonic, amplitude·cos(ωt + phase), at the frequency of the drives, or of
-the cycle if there are none; of a component or of a force, ``harmonic:friction_ground``),
-``relative_phase`` (relative to the drive, negative for a lag), ``energy_per_distance`` (all
-dissipation over the distance along the translation, or ``energy_per_distance:x``) and
-``cost_of_transport`` (the same divided by a weight, which is a formula of the parameters,
-``cost_of_transport:m*g``).
+Harmonics, energies per distance, and all measures of formulas compute the period once more.
 """
 
 from __future__ import annotations
@@ -40,7 +26,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError, listing, short, suggestion
-from stickslip.model.quantities import MEASURABLE, Measurable
+from stickslip.model.formats.measurable import MEASURABLE, Measurable
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, STUCK
 from stickslip.motion.between.formulas import read_formula

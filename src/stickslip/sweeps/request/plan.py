@@ -197,7 +197,7 @@ class Plan:
                 np.nan,
                 {**described_as(name.replace("_", " "), unit), "measure": str(measure)},
             )
-            why = _flags(dict(enumerate(REASONS))) | {"long_name": f"why {name} is missing"}
+            why = _flags(dict(enumerate(REASONS))) | {"long_name": f"reason why {name} is missing"}
             found[f"{name}_missing"] = ("i1", 0, why)
         if self.carry is not None:
             for name, about in {
@@ -212,7 +212,9 @@ class Plan:
             np.nan,
             {"units": "1", "long_name": "residual of the certificate", "tolerance": tolerance},
         )
-        missing = _flags(dict(enumerate(LACKING))) | {"long_name": "what the certificate lacks"}
+        missing = _flags(dict(enumerate(LACKING))) | {
+            "long_name": "failed criterion of the certificate"
+        }
         found["lacking"] = ("i1", LACKING.index("result"), missing)
         unit = (
             next(
