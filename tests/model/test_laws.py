@@ -150,7 +150,7 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x", F_c = 1',
-        "contacts.'foot'.k: the stiffness before it slides is missing. Add it, as in: k = 4",
+        "contacts.'foot'.k: the stiffness before slip is missing. Add it, as in: k = 4",
     ),
     (
         'law = "dahl", direction = "d_x", F_c = 1, F_C = 2',

@@ -77,7 +77,7 @@ class FitProblem:
         Scale of the differences: the standard deviation of the noise if known; else the spread of
         the column or, after a fit, its estimate.
     rtol : float
-        Accuracy of the motions.
+        Relative tolerance of the motions, as in :func:`stickslip.simulate`.
     """
 
     system: System
@@ -399,7 +399,7 @@ def fit_problem(
     time : str
         Column of the time; by default ``time`` or ``t``.
     rtol : float
-        Accuracy of the motions.
+        Relative tolerance of the motions, as in :func:`stickslip.simulate`.
 
     Returns
     -------

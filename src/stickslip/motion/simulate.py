@@ -62,7 +62,11 @@ def simulate(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
-        Relative accuracy with respect to the size of the motion, and absolute accuracy.
+        Relative and absolute tolerance, from 1e-13 to 1e-3 and from 1e-30 to 1. The local error of
+        a step is below rtol times the size of the motion plus atol, divided by 1000; unless
+        neighbouring motions diverge, the error of the motion is then usually below that sum. An
+        atol below 1e-6 rtol acts as 1e-6 rtol. Residuals of the certificate have the limit 10 rtol,
+        or 1e-9 if that is larger; a large atol may violate it.
     max_events : int
         Limit on the number of events.
     flow : str

@@ -53,8 +53,8 @@ Until = Annotated[
     float | None,
     typer.Option("--until", metavar="T", help="End of the time span.  [default: the model's]"),
 ]
-Accuracy = Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")]
-AccuracyOfEach = Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")]
+Accuracy = Annotated[float, typer.Option("--rtol", help="Relative tolerance of the motion.")]
+AccuracyOfEach = Annotated[float, typer.Option("--rtol", help="Relative tolerance of the motions.")]
 TimeLimit = Annotated[
     float | None,
     typer.Option(

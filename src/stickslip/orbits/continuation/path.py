@@ -82,9 +82,11 @@ class StepControl:
     Attributes
     ----------
     first, smallest, largest : float
-        Lengths of steps, in the caller's units.
+        Lengths of steps along the curve, in scaled units: the states relative to their size, the
+        parameter relative to its range (a quarter of it for cycles).
     tolerance : float
-        Tolerance of the last Newton correction.
+        Largest last Newton correction of a point, in the same units; since Newton's method
+        converges quadratically, the error is usually much smaller.
     rounding : float
         Corrections shorter than this are not applied.
     left : float

@@ -74,7 +74,9 @@ class Settings:
     ----------
     tolerance : float
         A motion has settled when its distance from the cycle or equilibrium, relative to its size,
-        is below this tolerance.
+        is below this tolerance. Cycles are then refined by Newton's method, so that errors of
+        measures are usually much smaller. It is also the limit of the residuals of certified
+        points, or 10 rtol if that is larger.
     max_time : float, optional
         Time at which a motion is abandoned; by default 100 times the span of the system or, if it
         is pulled over a lattice, 100 periods of the lattice if that is later.

@@ -65,8 +65,8 @@ class Intersection(Average):
         Largest duality gap of Ψ_av(V), relative to |V| and the size of K(s), and largest distance
         of a point of K_av from any K(s), relative to that size; all phases are covered by bounds if
         the source is bounded. A nearest point has a duality gap below 1e-13, or tolerance² if that
-        is larger, and is thus accurate to about 1e-6 at worst; only to the square root of the
-        tolerance if K(s) is known by its support function alone.
+        is larger. It lies outside K(s) by at most the tolerance, so its error may reach the square
+        root of the tolerance, relative to the size of K(s).
     """
 
     source: Dissipation
