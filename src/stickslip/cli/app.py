@@ -91,7 +91,7 @@ def law(
     settings: ParameterOptions = None,
     out: Out = None,
 ) -> None:
-    """List the friction laws, or show one: its equations, its source, and a picture of its loops.
+    """List the friction laws, or show one: its equations, its source, and a plot of its loops.
 
     Writes overview.png into the folder DIR.
     """

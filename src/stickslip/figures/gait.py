@@ -95,7 +95,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     meanings = (
         (0, STICK_SHADE, "stick"),
         (1, SLIP[1], "slip forward"),
-        (-1, SLIP[-1], "slip back"),
+        (-1, SLIP[-1], "slip backward"),
         (IS_CLOSED, BAND, "closed"),
     )
     marks: list[Artist] = [

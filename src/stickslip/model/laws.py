@@ -386,7 +386,7 @@ iwan: FrictionLaw = FrictionLaw(
 table: FrictionLaw = FrictionLaw(
     "table",
     "Kinetic friction force given at points",
-    "a measurement",
+    "measured points",
     "Between the points (v, F) the force is interpolated by a table of the given kind (linear, "
     "pchip, cubic). Below the lowest speed it is constant; above the highest speed it is "
     "undefined, unless 'outside' extrapolates. Negative speeds, with negative forces, are those of "

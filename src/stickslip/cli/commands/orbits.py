@@ -79,9 +79,9 @@ def events_command(
 ) -> None:
     """List the slip events of a stored motion: start, duration, size, energy.
 
-    An event lasts from the first slip after all contacts have stuck to the next time when all do;
-    with --faster-than, while some coordinate is faster.
-    Writes catalogue.nc, catalogue.csv, summary.json and overview.png into the folder DIR.
+    An event begins with the first slip after all contacts have been sticking, and ends when all
+    stick again; with --faster-than, it lasts while some coordinate is faster. Writes catalogue.nc,
+    catalogue.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 listed and certified, 1 not, 2 wrong input.
     """
@@ -128,7 +128,7 @@ def cycle_command(
     *,
     output: ResultOptions,
 ) -> None:
-    """Find the cycle or gait on which the motion from the initial state settles.
+    """Find the cycle or gait to which the motion from the initial state converges.
 
     Writes cycle.nc, summary.json and overview.png into the folder DIR.
 

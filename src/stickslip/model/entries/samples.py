@@ -455,7 +455,7 @@ def unit_entry(table: Mapping[str, Any], where: str) -> str:
     """The unit of the values, as a model file has it."""
     unit = table.get("unit", "")
     if not isinstance(unit, str):
-        raise DeclarationError(f"{where}.unit", "not a text", 'Write it like unit = "m/s^2"')
+        raise DeclarationError(f"{where}.unit", "not a string", 'Write it like unit = "m/s^2"')
     return check_unit(unit, f"{where}.unit")
 
 

@@ -100,7 +100,9 @@ class Settings:
         check_fields(self)
         if not _LEAST_TOLERANCE <= self.tolerance <= 1e-2:
             raise DeclarationError(
-                "tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2"
+                "tolerance",
+                f"{self.tolerance!r} is out of range",
+                "Choose a value from 1e-12 to 1e-2",
             )
         if self.max_time is not None and not 0.0 < self.max_time < np.inf:
             raise DeclarationError(
@@ -113,7 +115,9 @@ class Settings:
                 )
         if not 4 <= self.longest_cycle <= 4096:
             raise DeclarationError(
-                "longest_cycle", f"{self.longest_cycle} is out of range", "Choose 4 ... 4096"
+                "longest_cycle",
+                f"{self.longest_cycle} is out of range",
+                "Choose a value from 4 to 4096",
             )
 
 
