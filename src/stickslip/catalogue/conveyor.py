@@ -16,8 +16,8 @@ def conveyor(**given: float | str) -> System:
 
     References
     ----------
-    Coulomb's law with two supports. While the first belt carries it, the second, which slips below
-    it, is held by the first: the parcel begins to slip where both bear the same, at x = 0.
+    Coulomb's law with two supports. As long as the first belt carries more of the weight, it holds
+    the parcel against the friction of the second: slip begins where both carry the same, at x = 0.
     """
     return System(
         name="conveyor",

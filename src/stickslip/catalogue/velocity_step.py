@@ -1,4 +1,4 @@
-"""A velocity-step experiment on rate-and-state friction, as a friction apparatus makes it."""
+"""A velocity-step experiment on rate-and-state friction, as in a friction apparatus."""
 
 from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, System
 
@@ -22,7 +22,8 @@ def velocity_step(**given: float | str) -> System:
     ----------
     J. H. Dieterich, *J. Geophys. Res.* 84 (1979), 2161: velocity steps, the ageing law; A. Ruina,
     *J. Geophys. Res.* 88 (1983), 10359: the slip law; C. Marone, *Annu. Rev. Earth Planet. Sci.* 26
-    (1998), 643: how a and b are read off such experiments, with the stiffness of the apparatus.
+    (1998), 643: how a and b are determined from such experiments, with the stiffness of the
+    apparatus.
     """
     return System(
         name="velocity_step",

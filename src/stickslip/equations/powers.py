@@ -1,4 +1,4 @@
-"""Whether the powers of a system are quadratic where its rates and forces are affine."""
+"""Whether the powers of a system are quadratic if its rates and forces are affine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def are_powers_quadratic(equations: MotionEquations) -> bool:
     """Whether dissipated and supplied power are of degree 2 in the state, its rates, forces and
     relative velocities of contacts, time, and waves with the frequencies of the drives.
 
-    Regions of kinks are those of a mode: in each of them the branches count.
+    A piecewise function has the largest degree of its branches, since a mode has fixed regions.
     """
     d = equations.declaration
     names = {*d.state, *(f"d_{x}" for x in d.state), "t"}

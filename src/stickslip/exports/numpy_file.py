@@ -1,8 +1,8 @@
-"""Systems as files of Python: right-hand side and events as plain functions of NumPy, for other
+"""Systems as Python files: right-hand side and events as plain NumPy functions, for other
 integrators.
 
-The text is made from the checked expressions of a declaration. Of what a user typed, names alone
-stand in it, and titles in its first lines as a literal.
+The text is generated from the checked expressions of a declaration. Of the user's input it contains
+only names, and the title as a literal in its first lines.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _OPERATIONS = {
     ),
     "piecewise": "def piecewise(test, above, below):\n    return above if test else below",
 }
-"""What stands for functions that are none of the table."""
+"""Definitions of functions that are not in the table of elementary functions."""
 _BUILT_IN = ("abs", "min", "max")
 _TEMPLATE = Path(__file__).with_name("numpy_template.txt")
 _OWN = frozenset(
@@ -50,13 +50,13 @@ _OWN = frozenset(
 
 
 def write_numpy(system: System, path: str | Path) -> None:
-    """Write the right-hand side and the events of a system as a file of Python.
+    """Write the right-hand side and the events of a system as a Python file.
 
     Raises
     ------
     DeclarationError
-        If something in the system has no such form: contacts in a plane or with a gap, coordinates
-        that are rate-independent, jumps, samples, tables.
+        If the system contains unsupported parts: contacts in a plane or with a gap,
+        rate-independent coordinates, jumps, samples, or tables.
     StickslipError
         If the file cannot be written.
     """
@@ -114,7 +114,7 @@ def numpy_text(system: System) -> str:
 
 
 def _check(system: System) -> None:
-    """Refuse what has no right-hand side in a mode and events alone."""
+    """Reject systems that are not described by a right-hand side in each mode and by events."""
     d = system.declaration
 
     def refuse(where: str, reason: str) -> None:
@@ -147,7 +147,7 @@ def _check(system: System) -> None:
 
 
 class _Names(dict[str, str]):
-    """What the names of a system are called in Python."""
+    """Python identifiers for the names of a system."""
 
     def __init__(self, names: Iterable[str]) -> None:
         super().__init__()
@@ -163,7 +163,7 @@ class _Names(dict[str, str]):
 
 @dataclass
 class _Writer:
-    """Expressions as text of Python; notes the functions that stand in them."""
+    """Expressions as Python source; collects the functions that they call."""
 
     names: Mapping[str, str]
 
@@ -177,7 +177,7 @@ class _Writer:
         Raises
         ------
         DeclarationError
-            If it depends on what is no function of time, state and rates, or is too long.
+            If it depends on anything but time, state and rates, or is too long.
         """
         for name in sorted(e.symbols - self.symbols.keys()):
             what = "a normal force or a rate" if ":" in name else f"'{short(name)}'"
@@ -208,7 +208,7 @@ class _Writer:
         return f"np.array([{', '.join(texts)}], dtype=float)"
 
     def imports(self) -> list[str]:
-        """Lines that import functions that were written."""
+        """Import statements for the functions that were used."""
         found: list[str] = []
         needed: set[str] = {"sin"} if "square" in self.called else set()
         for name in sorted(self.called | needed):
@@ -263,13 +263,13 @@ def _block(
 
 
 def _body(names: Sequence[str], value: str) -> str:
-    """The body of a function: names get their values if there is anything to be computed."""
+    """The body of a function, which unpacks its names if there is anything to compute."""
     lines = [*names, f"return {value}"] if value != "NOTHING" else ["return NOTHING"]
     return "\n".join(f"    {line}" for line in lines)
 
 
 def _unpacked(names: Sequence[str], what: str) -> list[str]:
-    """A line that gives names the entries of an array."""
+    """A statement that unpacks an array into names."""
     if not names:
         return []
     return [f"{names[0]}, = {what}" if len(names) == 1 else f"{', '.join(names)} = {what}"]
@@ -280,7 +280,7 @@ def _plain(text: str) -> str:
 
 
 def _literal(text: str) -> str:
-    """Text that may stand in a docstring, whatever was typed."""
+    """The text, made safe for a docstring."""
     return _plain(text).replace("\\", "\\\\").replace('"', "'")
 
 

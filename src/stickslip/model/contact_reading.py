@@ -1,5 +1,5 @@
-"""Reading the contacts of a declaration: directions, thresholds and sliding forces, along a line,
-in a plane, of faces, and of what can open."""
+"""Reading the contacts of a declaration: directions, thresholds and kinetic friction forces of
+contacts along a line, in a plane, of faces, and of contacts that can open."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class _Contacts:
         self.order = {f"d_{x}": i for i, x in enumerate(self.result.coordinates)}
 
     def read(self) -> list[DryContact]:
-        """All of them, by their declaration."""
+        """All contacts, in the order of their declaration."""
         found = list[DryContact]()
         for name, contact in self.system.plain.contacts.items():
             if JOINED in name:
@@ -97,7 +97,7 @@ class _Contacts:
         return found
 
     def _check_moved(self, contacts: list[DryContact]) -> None:
-        """Refuse rate-independent coordinates that no contact moves, or several."""
+        """Reject rate-independent coordinates with no contact, or with several."""
         moving = {r: list[str]() for r in self.result.rate_independent}
         for c in contacts:
             for x in c.direction.keys() & moving.keys():
@@ -178,8 +178,8 @@ class _Contacts:
         return restitution
 
     def _check_overlap(self, where: str, contact: Unilateral, gap: Expr) -> None:
-        """Refuse bodies that overlap at the initial state; how far a constraint holds is checked
-        where a motion starts."""
+        """Reject bodies that overlap at the initial state; violations of constraints are checked at
+        the start of a motion."""
         here = ex.evaluate(gap, self.reader.start)
         others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
         if any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others):
@@ -276,7 +276,7 @@ class _Contacts:
         return found
 
     def _dissipation(self, where: str, contact: Contact, axes: list[Expr]) -> ConvexFormula:
-        """The dissipation of a contact in a plane, or of a face, that has a formula, or axes."""
+        """The dissipation of a contact in a plane or of a face, given by a formula or by axes."""
         from stickslip.convex.faces import mean_speeds, norms_instead
         from stickslip.convex.smooth import smooth_dissipation
 
@@ -315,7 +315,7 @@ class _Contacts:
         return found
 
     def _check_formula(self, where: str, part: DryContact) -> None:
-        """Refuse a dissipation where no motion knows it."""
+        """Reject a dissipation where motions do not support it."""
         if part.kind != Kind.INERTIAL and not part.prescribed:
             raise DeclarationError(
                 f"{where}.dissipation",
@@ -340,8 +340,8 @@ class _Contacts:
         return axis
 
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
-        """Refuse components that are of different kinds, or along one line, and thresholds whose
-        squares overflow."""
+        """Reject components of different kinds or along one line, and thresholds whose squares
+        overflow."""
         for threshold in dict.fromkeys((parts[0].plus, parts[0].kinetic_plus)):
             if threshold.symbols <= self.system.parameters.keys():
                 interval = parse_range("[-inf, 1e150]", where)
@@ -389,7 +389,7 @@ class _Contacts:
             )
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
-        """A contact along a line, or a component of the one that was declared."""
+        """A contact along a line, or one component of a declared contact."""
         where = entry_key("contacts", declared or name)
         text = self.directions.parse(contact.direction, f"{where}.direction")
         rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
@@ -453,7 +453,7 @@ class _Contacts:
         return DryContact(name, kind, direction, *forces, speed, contact.unit)
 
     def _prescribed(self, name: str, contact: Contact, moves: Expr, declared: str) -> DryContact:
-        """Friction between motions that are given.
+        """Friction between prescribed motions.
 
         Parameters
         ----------
@@ -484,7 +484,8 @@ class _Contacts:
     def _forces(
         self, where: str, contact: Contact, kind: Kind | None, in_plane: bool
     ) -> tuple[Expr, Expr, Expr, Expr]:
-        """Thresholds and sliding forces of a contact of coordinates of a kind, or of none."""
+        """Thresholds and kinetic friction forces of a contact whose coordinates have the given
+        kind, or which has none."""
         pressed = self.pressed if kind in (Kind.INERTIAL, None) else self.reader.motion
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
         for e in (plus, minus):
@@ -522,8 +523,8 @@ class _Contacts:
         return plus, minus, *kinetic
 
     def _check_pressed(self, where: str, forces: tuple[Expr, ...], in_plane: bool) -> None:
-        """Refuse coefficients of friction that are negative, or larger in sliding than at rest;
-        and in a plane a part without a normal force, or several coefficients."""
+        """Reject coefficients of friction that are negative, or larger in slip than in stick; in a
+        plane also a term without a normal force, or several coefficients."""
         own = set().union(*(force.symbols & self.normals.keys() for force in forces))
         for name in sorted(own):
             slopes = [
@@ -551,7 +552,7 @@ class _Contacts:
             )
 
     def _check_proportional(self, where: str, force: Expr) -> None:
-        """Refuse a friction force that is not linear in normal forces."""
+        """Reject a friction force that is not linear in normal forces."""
         own = force.symbols & self.normals.keys()
         slopes = [ex.derivative(force, name) for name in own]
         if any(slope.symbols & own for slope in slopes) or ex.bends(force, own):

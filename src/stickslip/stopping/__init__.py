@@ -1,11 +1,11 @@
-"""How a computation ends before it is done: at Ctrl-C, when its time is up, or with the pool that
-it works for.
+"""Early ends of computations: at Ctrl-C, at a time limit, or with the pool of a worker.
 
-Python hears of a signal between two instructions of its own, so not while a compiled loop runs.
-Compiled loops therefore look at two flags in their work space, and return early once one is raised;
-a thread beside them raises the flags. A motion that is not cut short does not depend on them.
+Python handles signals between bytecode instructions, and thus not while a compiled loop runs.
+Compiled loops therefore check two flags in their work space, which another thread sets, and return
+early if one is set. They do not affect a computation that is not interrupted.
 
-Whoever computes opens a scope (:func:`~stickslip.stopping.scopes.watching`), and calls
-:func:`~stickslip.stopping.scopes.heed` after each compiled call that may last: it raises what has
-happened. Scopes belong to threads. What runs inside a scope ends with it.
+A computation opens a scope (:func:`~stickslip.stopping.scopes.watching`), and calls
+:func:`~stickslip.stopping.scopes.heed` after each compiled call that may take long, which raises
+the corresponding exception. Scopes belong to threads and may be nested; an inner scope ends with
+the outer one.
 """

@@ -66,7 +66,7 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
     Parameters
     ----------
     what : str
-        How errors call it.
+        Name in error messages.
     said : callable
         What an unknown is called, by its index.
 

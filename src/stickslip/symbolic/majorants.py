@@ -1,10 +1,10 @@
-"""How far formulas of one variable can be from their values in the middle of stretches, on discs in
-the complex plane.
+"""Bounds of the deviation of a formula of one variable from its value in the middle of an interval,
+on discs in the complex plane.
 
 One pass over a tree, without series: for every node w with the Taylor coefficients w_k in the
-middle of a stretch, a bound of Σ_{k≥1} |w_k| r^k. By Cauchy's estimate it says what a polynomial of
-known degree can miss inside: a feature that no sample shows, since it underflows at all of them,
-has a bound that is larger than others by powers of e.
+middle of a stretch, a bound of Σ_{k≥1} |w_k| r^k. By Cauchy's estimate, it bounds the error of a
+polynomial of known degree: a feature that no sample shows, because it underflows at all of them,
+has an exponentially larger bound.
 
 Source: R. E. Moore, *Methods and Applications of Interval Analysis*, SIAM (1979), chapter 8, for
 majorants of series.
@@ -38,8 +38,8 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
     Returns
     -------
     ndarray of shape (m,)
-        Infinite where f is not seen to be analytic in the disc, or the branch of a kink is not seen
-        to be one inside.
+        Infinite where f is not proved to be analytic in the disc, or a kink is not proved to be on
+        one branch inside the interval.
     """
     nodes = list(ex.walk([expression]))
     with np.errstate(all="ignore"):
@@ -50,7 +50,7 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
 def _strays(
     nodes: list[Expr], name: str, middle: Array, radius: Array, one_branch: Known
 ) -> tuple[Known, Known]:
-    """Values of nodes in the middle, and how far they stray."""
+    """Values of nodes in the middle, and bounds of their deviation."""
     values = dict(zip(nodes, evaluator(nodes, [name])(middle[None]), strict=True))
     bounds: Known = {}
     for e in nodes:
@@ -68,7 +68,8 @@ def _strays(
 
 
 def _one_branch(guards: list[Expr], name: str, start: Array, end: Array) -> dict[Expr, Array]:
-    """Where guards keep their sign inside stretches; at the ends they may be 0, up to rounding."""
+    """Whether guards keep their sign inside the intervals; at the ends they may be 0, up to
+    rounding."""
     if not guards:
         return {}
     inside = slopes(guards, {name: (start, end)}, name)
@@ -129,7 +130,7 @@ def _of_log(a: Array, b: Array) -> Array:
 
 
 def by_mean_value(row: Function, a: Array, b: Array) -> Array:
-    """Of any function: b times what its derivative is at most."""
+    """For any function: b times a bound of its derivative."""
     slope = row.shown_slope
     nodes = list(ex.walk([slope]))
     kinks = {e.args[0]: np.zeros(len(a), bool) for e in nodes if e.op == "select"}
@@ -138,18 +139,18 @@ def by_mean_value(row: Function, a: Array, b: Array) -> Array:
 
 
 def of_exp(row: Function, a: Array, b: Array) -> Array:
-    """Of the exponential function: where it underflows at a it may be large at a + b."""
+    """For the exponential function, which may underflow at a and be large at a + b."""
     return np.exp(a + b) * -np.expm1(-b)
 
 
 def of_log(row: Function, a: Array, b: Array) -> Array:
-    """Of the logarithm."""
+    """For the logarithm."""
     return _of_log(a, b)
 
 
 def by_addition(row: Function, a: Array, b: Array) -> Array:
-    """Of (hyperbolic) sines and cosines, by addition theorems with sinh b and cosh b for what δ
-    adds."""
+    """For (hyperbolic) sines and cosines, by addition theorems with the bounds sinh b and cosh
+    b."""
     value, slope = evaluator([ex.call(row.name, ex.sym(ARGUMENT)), row.slope], [ARGUMENT])(a[None])
     odd = np.sinh(b)
     even = 2.0 * np.sinh(0.5 * b) ** 2
@@ -157,7 +158,7 @@ def by_addition(row: Function, a: Array, b: Array) -> Array:
 
 
 def of_tan(row: Function, a: Array, b: Array) -> Array:
-    """Of the tangent: sin δ / (cos a cos(a + δ))."""
+    """For the tangent: sin δ / (cos a cos(a + δ))."""
     odd = np.sinh(b)
     even = 2.0 * np.sinh(0.5 * b) ** 2
     c = np.abs(np.cos(a))
@@ -166,13 +167,14 @@ def of_tan(row: Function, a: Array, b: Array) -> Array:
 
 
 def of_tanh(row: Function, a: Array, b: Array) -> Array:
-    """Of the hyperbolic tangent: through q = exp(−2|a|), so that a saturated end costs nothing."""
+    """For the hyperbolic tangent, in terms of q = exp(−2|a|), which is accurate for large |a|."""
     q = np.exp(-2.0 * np.abs(a))
     moved = np.exp(2.0 * (b - np.abs(a))) * -np.expm1(-2.0 * b)
     return np.where(moved < 1.0 + q, 2.0 * moved / ((1.0 + q) * (1.0 + q - moved)), np.inf)
 
 
 def beside_i(row: Function, a: Array, b: Array) -> Array:
-    """Of asinh and atan, which are singular at ±i: |f′| is at most 1 over the distance."""
+    """For asinh and atan, which are singular at ±i: |f′| is at most the reciprocal of the
+    distance."""
     far = np.hypot(1.0, a)
     return np.where(b < far, -np.log1p(-b / far), np.inf)

@@ -1,5 +1,5 @@
-"""What the functions of a system compute, as data: where the engine finds things in their arrays
-(:class:`Layout`), and their statements (:class:`Generated`)."""
+"""What the functions of a system compute, as data: the positions of all quantities in the arrays of
+the engine (:class:`Layout`), and the statements (:class:`Generated`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MATRICES = (*INVERSES, "B")  # and of rate-independent ones
 
 @dataclass
 class Layout:
-    """Where the engine finds things.
+    """Positions of quantities in the arrays of the engine.
 
     Attributes
     ----------
@@ -31,32 +31,32 @@ class Layout:
     u, force, plus, minus, kinks : list of int
         Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact, and of the guards.
     rate_sizes : array of int
-        Place of the size of the terms of each state's rate in ``mag``; −1: nothing cancels in it.
+        Index in ``mag`` of the size of the terms of each rate; −1 if no terms can cancel.
     named : dict of str to int
         Rows of the rates ``d_x`` and of the internal rates.
     kinetic : list of (int, int, int, int)
-        Contact, direction of slip, row of the sliding force k, and row of s − k at speed 0; where k
-        is declared.
+        Contact, direction of slip, row of the kinetic friction force k, and row of s − k at speed
+        0, for contacts with a declared k.
     rates : list of int
         Rows of the rates of the state.
     rows : int
         Number of rows of W.
     kept : list of int
-        Rows that are read beyond order 0.
+        Rows of which higher orders than 0 are used.
     instructions : list of Instruction
         The tape, in the order of its computation.
     shown : list of Instruction
-        What follows at order 0: rows that results show, and nothing else depends on.
+        Instructions at order 0 only: rows that results show and on which nothing else depends.
     constants : dict of Expr to int
-        What stands in K, and where.
+        Entries of K with their positions.
     coupled : dict of str to list of Component
-        For each inverse matrix what its rows stand for, component by component.
+        For each inverse matrix the unknowns of its rows, component by component.
     together : dict of int to int
-        Of inertial contacts whose directions may depend on each other, with friction in a plane:
-        which such group each belongs to.
+        The group of each inertial contact whose direction may depend linearly on those of others,
+        if there is friction in a plane.
     turning : dict of (int, int) to int
-        Rows of the coefficients of directions that change on the way, by contact and by the place
-        of the coordinate in its component.
+        Rows of the coefficients of directions that vary, by contact and by the index of the
+        coordinate in its component.
     gaps, restitution : dict of int to int
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
@@ -73,19 +73,20 @@ class Layout:
         Kinks between pieces of these, the number of the plane, and the row of the same function of
         the direction.
     carrying : dict of str to int
-        Rows of the force of constraints, the sum of those of their sides, and of the normal forces
-        of contacts that adhere.
+        Rows of the forces of constraints (the sum over both sides), and of the normal forces of
+        contacts with adhesion.
     parts : dict of str to (int, int, int, int)
-        Of contacts that are one with others, the rows of force, thresholds and relative velocity.
+        For contacts that are merged with others, the rows of force, thresholds and relative
+        velocity.
     links : list of (int, int, tuple of int)
-        What rubs under a normal force, the contact that has it, and the rows of the coefficients:
-        kinetic against slip forward and back, static likewise; contact by contact.
+        Contact with friction, the contact with its normal force, and the rows of the coefficients:
+        kinetic for forward and backward slip, then static likewise.
     pressed : int
-        The most normal forces in the friction of a contact, at least 1.
+        Largest number of normal forces in the friction of a contact, at least 1.
     prescribed : bool
-        Whether there is friction between motions that are given.
+        Whether there is friction between two prescribed motions.
     jumps : list of (int, int, list of int)
-        Of each jump the number of its kink, its direction, and which parts of the state have new
+        For each jump the number of its kink, its direction, and the parts of the state with new
         values.
     """
 
@@ -155,12 +156,12 @@ class Layout:
 
 @dataclass
 class Generated:
-    """What a system's functions compute.
+    """The statements of the functions of a system.
 
     Attributes
     ----------
     layout : Layout
-        With the tape, of which ``jets`` makes series.
+        With the tape, from which ``jets`` computes series.
     setup, sizes, residual, powers, landings, supports : list of Store
         Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
     """

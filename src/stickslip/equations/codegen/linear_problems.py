@@ -87,7 +87,7 @@ def solved_block(
 
 
 def _moves(draft: Draft, part: Component, matrix: Mapping[tuple[int, int], Expr]) -> bool:
-    """Whether the matrix of a component changes on the way."""
+    """Whether the matrix of a component varies."""
     if not all(rubs_evenly(draft, c) for c in part.contacts):
         return True
     own = frozenset(part.coordinates)
@@ -134,7 +134,7 @@ def _moving_entries(
 
 
 def _pressed_entry(draft: Draft, i: int, normal: int) -> Instruction:
-    """What a unit of a normal force adds to λᵢ + σk = 0 in slip."""
+    """Coefficient of a normal force in λᵢ + σk = 0 in slip."""
     zero = draft.tape.row(ex.ZERO)
     slopes = tuple(draft.tape.row(-slope) for slope in pressed_slopes(draft, i, normal))
     entry = Instruction(Op.SIDE, draft.tape.new_row(0), (zero, *slopes), place=i)
@@ -166,8 +166,8 @@ def _block_sizes(
     first: int,
     forces: list[int],
 ) -> None:
-    """Scales of the rates and of the relative velocities: what they would be if no two forces
-    cancelled; `forces` are the places of their sizes."""
+    """Scales of the rates and of the relative velocities: their values if no forces cancelled.
+    `forces` are the positions of the sizes of the forces."""
     scalar = draft.number
     names = draft.d.inertial if inertial else draft.d.damped
     offset = draft.rate_sizes + (0 if inertial else draft.nq)

@@ -38,7 +38,7 @@ class CompiledSystem:
 
     @property
     def layout(self) -> Layout:
-        """Where the engine finds things."""
+        """Positions of quantities in the arrays of the engine."""
         return self.generated.layout
 
 

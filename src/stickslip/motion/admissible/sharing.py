@@ -1,7 +1,7 @@
-"""Contacts that share their forces: which they are, and the directions in which they hold a body.
+"""Contacts that share forces, and the directions in which they hold a body.
 
-Where more directions stick than there are coordinates, forces are not unique. Contacts of a group
-(`Rows.group`) have one guard then: whether some forces hold
+If there are more sticking directions than coordinates, forces are not unique. The contacts of a
+group (`Rows.group`) then have one common guard: whether admissible forces exist
 (:mod:`stickslip.motion.admissible.leaving`).
 """
 
@@ -28,8 +28,8 @@ from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
-# What Space.leaving says of a contact: it stays where those with which it shares forces leave, it
-# has a guard of its own, or (±1) it leaves.
+# Entries of Space.leaving: the contact keeps sticking while others with which it shares forces
+# begin to slip; it has a separate guard; or (±1) it begins to slip.
 STAYS, ON_ITS_OWN = 0, 2
 _STEADY = 1e-12  # part of its size by which a direction may turn
 
@@ -60,12 +60,12 @@ def is_first(rows: Rows, mode: Array, c: int) -> bool:
 
 @compiled(brief=True)
 def find_shared(flow: Flow, mode: Array, table: Array) -> None:
-    """Note which contacts share their forces with others: they have one guard together.
+    """Mark contacts that share forces with others and have a common guard.
 
     Parameters
     ----------
     flow : Flow
-        Its work space has the coefficients, and receives what is noted.
+        Its work space contains the coefficients, and receives the marks.
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
@@ -98,7 +98,7 @@ def any_formula(rows: Rows, mode: Array, group: int) -> bool:
 
 @compiled(brief=True)
 def turns(flow: Flow, mode: Array, group: int) -> bool:
-    """Whether directions of what sticks in a group change within a step."""
+    """Whether directions of sticking contacts of a group change within a step."""
     rows = flow.rows
     W = flow.space.W
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -129,8 +129,8 @@ def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
 
 @compiled(brief=True)
 def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
-    """Directions of what sticks in a group, as rows G over an orthonormal basis: how many they are,
-    and how many are independent.
+    """Directions of the sticking contacts of a group, as rows G in an orthonormal basis. Returns
+    the number of directions, and of independent ones.
 
     Parameters
     ----------
@@ -163,12 +163,13 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
 
 @compiled(brief=True)
 def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
-    """Whether the directions of a contact depend on what sticks in its group.
+    """Whether the directions of a contact depend linearly on those of the sticking contacts of its
+    group.
 
     Parameters
     ----------
     flow : Flow
-        With the basis of what sticks.
+        With the basis of the sticking contacts.
     table : array
         Values of the rows.
     c : int
@@ -186,9 +187,9 @@ def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
 
 @compiled(brief=True)
 def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
-    """Whether forces of what sticks in a group that cancel each other change the normal forces that
-    press it, as those of feet at different heights do: then more can be held than with the normal
-    forces of the mode.
+    """Whether internal forces (with zero sum) of the sticking contacts of a group change their
+    normal forces, as those of feet at different heights do: they can then hold more than with the
+    normal forces of the mode.
 
     Parameters
     ----------
@@ -219,16 +220,16 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
 
 @compiled(brief=True)
 def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
-    """Order k of the force of a sticking contact along a direction, beside the middle of its set,
-    in parts of its axis."""
+    """Order k of the force of a sticking contact along a direction, relative to the centre of its
+    set, in units of its axis."""
     force = table[flow.rows.force[c], k] / axis_of(flow, c)
     return float(force - middle_at(flow, table, c, k))
 
 
 @compiled(brief=True)
 def speed_of(flow: Flow, c: int, rank: int, w: Array) -> float:
-    """Gw of a contact, by its first direction, in the work space; on a line, two parts of it are 0.
-    Returns its length."""
+    """Compute Gw of a contact, given by its first direction, in the work space; along a line, two
+    components are 0. Returns its length."""
     block = directions_of(flow.rows, c)
     moved = flow.space.along[MOVED]
     moved[0] = moved[1] = moved[2] = 0.0
@@ -240,8 +241,8 @@ def speed_of(flow: Flow, c: int, rank: int, w: Array) -> float:
 
 @compiled(brief=True)
 def given_force(flow: Flow, c: int, forces: Array) -> tuple[float, float]:
-    """What a row of the work space has for a contact, in its first two directions; on a line, the
-    second is 0. It is not asked of faces, which have three."""
+    """Entries of a row of the work space for the first two directions of a contact; along a line,
+    the second is 0. Not used for faces, which have three."""
     block = directions_of(flow.rows, c)
     return float(forces[c]), float(forces[block[1]]) if len(block) > 1 else 0.0
 

@@ -6,7 +6,7 @@ s, and every guard and every component of the state is a signal
     g(τ) = g(0) + c₁τ + c₂τ² + Re Σⱼ aⱼ rⱼ (exp(λⱼτ) − 1) + Re Σₘ bₘ exp(iωₘt) (exp(iωₘτ) − 1)
 
 with c₁ and r linear in s at the beginning of the flight. Its first crossing is found over the whole
-flight. The tables of coefficients are made by :mod:`.closed_forms`; here they are only followed.
+flight. The tables of coefficients are computed in :mod:`.closed_forms`; this module evaluates them.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
-_LOST = 1e-4  # of what it is made of: a smaller component has lost too many digits
-UNKNOWN = -2  # what may be said instead of a guard
+_LOST = 1e-4  # part of its terms: a smaller component has lost too many digits
+UNKNOWN = -2  # returned instead of a guard, if the flight cannot be computed
 # Kinds of signals
 _NEVER = 0
 _LINE = 1
@@ -97,7 +97,7 @@ def scalar_product(row: Array, s: Array) -> float:
 
 @compiled(inline=True)
 def place(f: Flight, x: Array, t: float, omega: Array) -> None:
-    """Put state and drives at time t, and their moduli, into the work space."""
+    """Write state and drives at time t, and their moduli, to the work space."""
     s = f.v[0]
     n = len(x)
     for i in range(n):
@@ -119,7 +119,7 @@ def _derive(S: Array, v: Array, k: int) -> None:
 
 @compiled()
 def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
-    """Size of the terms of G s⁽ᵏ⁾, and of what it changes by within a time.
+    """Size of the terms of G s⁽ᵏ⁾, plus that of its change within a time.
 
     Parameters
     ----------
@@ -158,8 +158,8 @@ def germs(
     last: float,
     settled: Array,
 ) -> int:
-    """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
-    the work space.
+    """First guard that becomes negative immediately, or −1; the order of the first nonzero
+    derivative of each guard is left in the work space.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ def amplitudes(form: ClosedForms, f: Flight, omega: Array) -> None:
 
 @compiled()
 def turn(re: float, im: float) -> complex:
-    """exp(z) − 1, to full accuracy where z is small: so is then the change of the state in a short
-    flight."""
+    """exp(z) − 1, to full accuracy also for small z, so that the change of the state in a short
+    flight is accurate."""
     grown = math.expm1(re) if re != 0.0 else 0.0
     if im == 0.0:
         return complex(grown, 0.0)
@@ -287,7 +287,7 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 
 @compiled()
 def stays_zero(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
-    """Whether a guard whose first derivatives vanish does so for good: it has no part in any
+    """Whether a guard whose first derivatives vanish is identically zero: it contains no
     exponential or wave, up to rounding.
 
     Parameters
@@ -313,8 +313,8 @@ def stays_zero(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
 
 @compiled(inline=True)
 def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
-    """Say of each guard what kind of signal it is; returns the one that will probably fall first,
-    or −1; or UNKNOWN if one is lost among the exponentials that it is made of."""
+    """Classify each guard by the kind of its signal. Returns the guard that will probably reach
+    zero first, or −1; UNKNOWN if cancellation of its exponentials makes one inaccurate."""
     r = f.r
     modulus = f.modulus
     b = f.b
@@ -346,7 +346,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             c1 = scalar_product(form.c1[g], f.v[0])
             c2 = form.c2[g]
         if form.decays[g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
-            continue  # what is in motion can never bring it down
+            continue  # the decaying terms cannot bring it to zero
         if g >= form.counts[SEARCHED]:
             return UNKNOWN
         floor = ROUNDING * (terms + reach)
@@ -394,7 +394,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
     exponentials until then; or UNKNOWN instead of a guard. Without an event the duration is `room`,
-    or as far as was looked.
+    or the end of the search.
 
     Parameters
     ----------
@@ -420,7 +420,7 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
     which = -1
     known = False
     for rank in range(-1, form.counts[GUARDS] if first >= 0 else -1):
-        # The one that probably falls first leaves little to be searched by the others.
+        # The guard that probably fires first shortens the search for the others.
         g = first if rank < 0 else rank
         if rank == first or f.kind[g] == _NEVER:
             continue
@@ -461,7 +461,7 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
                 b[m] = form.b[g, m] * f.spin[m]
             parts = SignalSum(f.c[g], a[:nb], f.z[:nb], lam[:nb], b, omega)
             found, looked = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
-            # A search does not last for ever: a wish to end has to be heard.
+            # Long searches return early, so that a request to stop is noticed.
             if looked < limit:
                 limit, which, known = looked, -1, False
         if found <= limit:
@@ -474,7 +474,7 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
 
 @compiled(inline=True)
 def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> None:
-    """Put x where it is at the end of the flight just found.
+    """Advance x to the end of the flight just found.
 
     Parameters
     ----------
@@ -551,7 +551,7 @@ def is_drowned(
 
 @compiled()
 def place_at(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: Array) -> float:
-    """A component of the state on the way of a flight.
+    """A component of the state during a flight.
 
     Parameters
     ----------
@@ -580,11 +580,11 @@ def place_at(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: 
 
 @compiled(inline=True)
 def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> float:
-    """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns
-    the time that takes.
+    """Move x, at the end of a flight, to the zero of the guard that ended it; returns the time of
+    this correction.
 
-    Near resonance, a long flight ends as far from there as its large parts cancel. A one-sided
-    power that begins there has no values on the wrong side.
+    Near resonance, cancellation of large terms displaces the end of a long flight. A one-sided
+    power that begins at the zero is undefined on its other side.
 
     Parameters
     ----------
@@ -593,7 +593,7 @@ def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> flo
     f : Flight
         With s at the end.
     guard : int
-        Place among the guards of the mode.
+        Index among the guards of the mode.
     x : array, shape (n,)
         State; is changed.
     last : float

@@ -1,9 +1,9 @@
 """The event loop: closed-form flights where modes are affine (:mod:`.flying`), Taylor steps
 elsewhere, and :mod:`.events` between them.
 
-A step ends at an event, or where its series is no longer good. The rates at its end are compared
-with those that the series promises: at the beginning of the next step, or at once where something
-comes in between; where they differ, a shorter step is taken instead.
+A step ends at an event, or where its series is no longer accurate. The rates at its end are
+compared with those predicted by the series: at the beginning of the next step, or immediately if an
+event intervenes. If they differ, the step is repeated with a smaller size.
 """
 
 from __future__ import annotations
@@ -86,10 +86,10 @@ from stickslip.numerics.levels import CLOSEST, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
 
-_NO_TIME = 1e-60  # of the time that a motion may last: no step is as short, where the clock is at 0
-# Steps after which a promise is kept, and sticking contacts are put onto the surface speed. Towards
-# the end of a slip in a plane steps shrink, and recent ones, which are forgotten by halves, have to
-# say then how far rounding errors have carried what sticks.
+_NO_TIME = 1e-60  # part of the time span: shorter than any step, where the clock is at 0
+# Number of steps between checks of the predicted rates, and corrections of sticking contacts to the
+# surface speed. Steps shrink toward the end of a slip in a plane; the mean of recent steps, with
+# weights that halve, then has to show the drift of sticking contacts by rounding errors.
 _LOOK, _LOOK_IN_PLANE = 64, 16
 # Rounding errors below which a slip has come to rest: more than those of its speed at the end of a
 # step, so that no slip is at rest where the next step begins.
@@ -98,7 +98,7 @@ _CUT = 0.25  # of a step that did not solve the equations
 
 
 class Before(NamedTuple):
-    """Where the clock was before a step, for a motion that has to go back."""
+    """The clock before a step, for the repetition of a step."""
 
     t: float
     last: float
@@ -116,7 +116,7 @@ def prepare_flights(
     modes: IntMatrix,
     regions: IntMatrix,
 ) -> None:
-    """Make the closed forms of some modes, as a motion that comes to them does.
+    """Compute the closed forms of some modes in advance.
 
     Parameters
     ----------
@@ -152,10 +152,10 @@ def integrate(
         Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        FULL where a lane is to go on; receives the outcome code, or FULL where the record is, or
-        where there is a wish to stop.
+        FULL for lanes that are to continue; receives the outcome code, or FULL if the record is
+        full or a stop was requested.
     lanes : Lane
-        Of all lanes (a leading axis).
+        All lanes (a leading axis).
 
     Returns
     -------
@@ -187,7 +187,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     Parameters
     ----------
     lane : Lane
-        Is moved on.
+        Is advanced.
     count : int
         Steps recorded so far.
     """
@@ -261,7 +261,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         count_step(clock, counters, h, series, end if which < 0 and h >= end - t else t + x * h)
         if doubt >= 0:
             return inadmissible(rows.doubtful, doubt), count
-        if which >= 0 or due >= 0:  # after a jump closed forms may go on
+        if which >= 0 or due >= 0:  # after a jump closed forms may continue
             rest_together(flow, lane, which, x * h)
             return (
                 fire(which, lane, rows, space.leaving, task.max_events) if which >= 0 else NOWHERE
@@ -270,22 +270,23 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
 
 @compiled()
 def is_full(task: Task, rows: Rows, count: int) -> bool:
-    """Whether there is no room to record what happens at a knot: one step more, or two where an
-    impact may follow a jump, or another event."""
+    """Whether the record has no room for a knot: for one more step, or two if an impact may follow
+    a jump or another event."""
     spare = 1 if has_gaps(rows) else 0
     return bool(task.recording and count + spare >= len(task.record.time))
 
 
 @compiled()
 def is_time_to_look(rows: Rows, mode: Array, taken: int) -> bool:
-    """Whether sticking contacts and promises are looked at after so many steps."""
+    """Whether sticking contacts and predicted rates are checked after this number of steps."""
     return bool(taken % (_LOOK_IN_PLANE if slides_in_plane(rows, mode) else _LOOK) == 0)
 
 
 @compiled()
 def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
-    """Whether the rates at the end of a step have to be checked there: an event comes (which is not
-    −1) or a jump has been taken (due is not), nothing else would check them, or it is time."""
+    """Whether the rates at the end of a step have to be checked there: at an event (`which` is not
+    −1), after a jump (`due` is not −1), if nothing else would check them, or at regular
+    intervals."""
     taken = lane.counters[TAKEN] + 1
     free = rows.sizes[RATE_INDEPENDENT] == 0 and not is_time_to_look(rows, lane.mode, taken)
     return bool(which >= 0 or due >= 0 or not free)
@@ -293,7 +294,7 @@ def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
 
 @compiled()
 def go_back(lane: Lane, space: Space, before: Before) -> None:
-    """Put a lane where it was before its last step."""
+    """Restore a lane to the state before its last step."""
     clock = lane.clock
     clock[NOW] = before.t
     clock[LAST] = before.last
@@ -306,7 +307,7 @@ def go_back(lane: Lane, space: Space, before: Before) -> None:
 
 @compiled()
 def restore_mode(mode: Array, settled: Array) -> None:
-    """No mode goes on from here: what the contacts did last is kept, not the last attempt."""
+    """Restore the last mode of the contacts, since no mode can continue the motion."""
     for i in range(len(mode)):
         mode[i] = settled[i] if settled[i] != NONE_YET else 0
 
@@ -315,14 +316,14 @@ def restore_mode(mode: Array, settled: Array) -> None:
 def give_up(
     machine: Machine, flow: Flow, status: int, lane: Lane, task: Task, count: int
 ) -> tuple[int, int]:
-    """Outcome code of a motion from which no mode goes on, and the recorded steps.
+    """Outcome code of a motion that no mode can continue, and the number of recorded steps.
 
     Parameters
     ----------
     status : int
-        What was said of the last candidate.
+        Status of the last candidate.
     lane : Lane
-        Is put back where its last step has left the domain of a formula.
+        Is restored if its last step has left the domain of a formula.
     count : int
         Steps recorded so far.
     """
@@ -346,8 +347,8 @@ def give_up(
 
 @compiled()
 def runs_away(sizes: Array, mode: Array) -> bool:
-    """Whether a rate-independent coordinate slides: its rate runs away where its branch of
-    equilibria ends."""
+    """Whether a rate-independent coordinate slides: its rate diverges at the end of its branch of
+    equilibria."""
     sliding = False
     for c in range(sizes[ON_INERTIAL] + sizes[ON_VISCOUS], len(mode)):
         sliding = sliding or mode[c] != 0
@@ -356,14 +357,14 @@ def runs_away(sizes: Array, mode: Array) -> bool:
 
 @compiled()
 def inadmissible(doubtful: Array, doubt: int) -> int:
-    """Outcome code where a row has become negative that must not."""
+    """Outcome code for a row that must not be negative, but is."""
     return NEGATIVE if doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
 
 
 @compiled()
 def look_ahead(flow: Flow, x: float, h: float) -> None:
-    """State after a part x of a step, and the rates there, times its length; the work space holds
-    the powers of the whole step."""
+    """State after the fraction x of a step, and the rates there, times the length of the step; the
+    work space contains the powers of the whole step."""
     space = flow.space
     n = flow.rows.sizes[DIMENSION]
     if x < 1.0:
@@ -376,9 +377,10 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
 
 @compiled()
 def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bool:
-    """Whether the rates at the end of a step are those that its series promises.
+    """Whether the rates at the end of a step agree with those predicted by its series.
 
-    Where a slip in a plane ends, Au is a rounding error, and the direction is that of the series.
+    At the end of a slip in a plane, Au is a rounding error; the direction is then taken from the
+    series.
 
     Parameters
     ----------
@@ -401,7 +403,7 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
     for plane in rows.planes:
         set_mode(rows, lane.mode, plane[LEAD], before[plane[LEAD]])
     if status != OK:
-        return True  # the rates are not determined here, which the next step finds out
+        return True  # the rates are undetermined here, which the next step reports
     return keeps(flow, space.V, space.trial, lane.seen, h)
 
 
@@ -409,8 +411,8 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
     """Whether the slip of a contact in a plane ends at the end of a step: where its own guard
     fires; where it has slowed down to rest, up to rounding; where that of another one does, or of
-    one along a line of the same body, or a kink, if its speed or the time of its end cannot be told
-    from nothing there.
+    one along a line of the same body, or a kink, if its speed or the remaining time is within
+    rounding errors of zero.
 
     Parameters
     ----------
@@ -449,9 +451,9 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
 
 @compiled()
 def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
-    """The guard of a slip in a plane that ends so soon that the time cannot be told from now, and
-    how soon; −1 if there is none. Its direction may turn ever faster until then, in steps that
-    would never come to an end.
+    """The guard of a slip in a plane that ends within the resolution of the clock, and the time
+    until then; −1 if there is none. Its direction may turn ever faster until then, which would take
+    infinitely many steps.
 
     Parameters
     ----------
@@ -476,9 +478,9 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
 
 @compiled()
 def end_instead(flow: Flow, lane: Lane, which: int, h: float) -> int:
-    """The guard of the slip in a plane that ends at the end of a step without an event, or where a
-    kink fires: a kink of a component of its velocity is at zero there, too, and no direction is
-    left. The kink itself, or −1, if there is none.
+    """The guard of a slip in a plane that ends at the end of a step, for steps that end without an
+    event or at a kink: kinks of components of its velocity are zero there as well, and the
+    direction is undefined. The kink itself, or −1, if there is no such slip.
 
     Parameters
     ----------
@@ -498,8 +500,8 @@ def end_instead(flow: Flow, lane: Lane, which: int, h: float) -> int:
 
 @compiled()
 def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
-    """Let all slips in a plane come to rest that end at the end of a step. What is left of them has
-    no direction.
+    """Set all slips in a plane that end at the end of a step to rest: the direction of the
+    remaining velocity is undefined.
 
     Parameters
     ----------

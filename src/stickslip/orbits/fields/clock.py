@@ -1,8 +1,8 @@
-"""What the drives of a system repeat after, and by how much the state is then shifted.
+"""The common period of the drives of a system, and the shift of the state in this period.
 
-A drive is a phase that advances with time. Time may also move the state along, as a pull Vt does:
-in the frame that goes with it (:mod:`stickslip.orbits.fields.lines_and_phases`) the phases of what
-repeats in space are drives like any other, and what has moved on by their period is the shift.
+A drive is a phase that advances with time. Time may also translate the state, as a pull Vt does: in
+the co-moving frame (:mod:`stickslip.orbits.fields.lines_and_phases`), the phases of spatially
+periodic terms are drives as well, and the shift is the displacement of this frame in a period.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import periodic_form
 
 _STANDS = 1e-12  # phases that advance by less than this part of their terms do not advance
-_MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
+_MOST_PERIODS = 24  # periods of each drive in the longest common period that is accepted
 
 
 class Drives(NamedTuple):
@@ -41,7 +41,7 @@ class Drives(NamedTuple):
     parts : int
         How many times the system repeats in it.
     velocity : array, shape (n,)
-        With which the state is moved along.
+        Velocity with which the state is translated.
     """
 
     period: float
@@ -51,7 +51,7 @@ class Drives(NamedTuple):
 
 @dataclass(frozen=True)
 class MovingFrame:
-    """A system in the frame in which time stands in phases alone.
+    """A system in the frame in which time occurs only in phases.
 
     Attributes
     ----------
@@ -64,19 +64,19 @@ class MovingFrame:
 
     @cached_property
     def states(self) -> list[str]:
-        """Components of the state that may be shifted: not rates, which say how others move on."""
+        """Components of the state that may be shifted: all except rates of inertial coordinates."""
         d = self.equations.declaration
         return [x for x in d.state if x not in {f"d_{q}" for q in d.inertial}]
 
     @cached_property
     def reading(self) -> Reading:
-        """Where time and state stand."""
+        """The occurrences of time and state in the formulas."""
         known = self.equations.declaration.parameters
         return read_formulas(self.formulas, ["t", *self.states], constant=known)
 
     @cached_property
     def formulas(self) -> list[Expr]:
-        """All that the motion depends on, such that what repeats is seen."""
+        """All formulas on which the motion depends, in their periodic form."""
         numbers = dict.fromkeys(self.zero, ex.ZERO)
         try:
             found = [ex.substitute(e, numbers) for e in self.equations.formulas]
@@ -117,7 +117,7 @@ def _name(state: str) -> str:
 
 
 def moving_frame(equations: MotionEquations, zero: frozenset[str]) -> MovingFrame:
-    """The frame of a system with some parameters that are zero; what is read off it is kept."""
+    """The frame of a system with some parameters that are zero; its properties are cached."""
     return made_once(equations, "moving frame", lambda: MovingFrame(equations, zero), zero)
 
 
@@ -136,7 +136,8 @@ def cells_of(equations: MotionEquations, values: Mapping[str, float]) -> Array:
 
 @dataclass(frozen=True)
 class Clock:
-    """What the drives of a system repeat after, 2πm/ω, and which part of that is its period.
+    """The common period of the drives of a system, 2πm/ω, and the fraction of it that is the period
+    of the system.
 
     Attributes
     ----------
@@ -145,9 +146,9 @@ class Clock:
     frequency : Expr
         ω, of the first drive.
     multiple : int
-        m: after so many of its periods all drives are as before.
+        m: the number of periods of the first drive after which all drives repeat.
     parts : int
-        After one of so many parts of that the system is as before.
+        The system repeats after the common period divided by this number.
     alone : bool
         Whether there is no other drive, so that ω may take any value.
     """
@@ -160,11 +161,11 @@ class Clock:
 
     @property
     def zero(self) -> frozenset[str]:
-        """Parameters that have to be zero for that: the amplitude of a drive may be one of them."""
+        """Parameters that have to remain zero, such as the amplitude of another drive."""
         return self.frame.zero
 
     def velocity(self, values: Mapping[str, float]) -> Array:
-        """With which the state is moved along."""
+        """Velocity with which the state is translated."""
         found = self.frame.velocity(values)
         return np.zeros(len(self.frame.states)) if found is None else found
 
@@ -178,7 +179,7 @@ class Clock:
         Raises
         ------
         DeclarationError
-            If a drive acts that did not where the clock was made, or the drives stand still.
+            If a drive acts that was absent when the clock was made, or the drives are constant.
         """
         for name in sorted(self.zero):
             if values[name] != 0.0:
@@ -206,7 +207,7 @@ class Clock:
         frame = self.frame
         every = {**values, **frame.named(self.velocity(values))}
         change = ex.evaluate(ex.derivative(self.frequency, parameter), every)
-        # The frame, too, moves at another velocity.
+        # The velocity of the frame changes as well.
         names = [_name(x) for x in frame.states if _name(x) in self.frequency.symbols]
         if names:
             bent = frame.named(frame.reading.acceleration(frame.states, values, parameter))
@@ -218,7 +219,7 @@ class Clock:
 
 
 def clock(system: System, equations: MotionEquations, values: Mapping[str, float]) -> Clock:
-    """What the drives of a system repeat after.
+    """The common period of the drives of a system.
 
     Raises
     ------
@@ -228,7 +229,7 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
     zero = frozenset(name for name in system.parameters if values[name] == 0.0)
     found = _clock(system, equations, values, zero)
     for name in sorted(zero):
-        # Only what matters for it has to stay zero.
+        # Only parameters on which the clock depends have to stay zero.
         try:
             other = _clock(system, equations, values, found.zero - {name})
         except DeclarationError:
@@ -241,7 +242,7 @@ def clock(system: System, equations: MotionEquations, values: Mapping[str, float
 def _clock(
     system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]
 ) -> Clock:
-    """What they repeat after as long as some parameters are zero."""
+    """Their common period while some parameters are zero."""
     frame = moving_frame(equations, zero)
     found = frame.velocity(values)
     velocity = np.zeros(len(frame.states)) if found is None else found
@@ -272,8 +273,8 @@ def _clock(
 
 
 def _moving(frame: MovingFrame, velocity: Array, every: Mapping[str, float]) -> dict[Expr, float]:
-    """Frequencies of what repeats in the frame, with their values: of what is felt, where anything
-    is."""
+    """Frequencies of the waves in the frame, with their values: if some of them affect the motion,
+    only these."""
     known = every.keys()
     numbers = dict.fromkeys(frame.zero, ex.ZERO)
     plain = frame.seen_from(frame.equations.formulas, velocity)
@@ -306,7 +307,7 @@ def _terms(e: Expr, values: Mapping[str, float]) -> list[tuple[float, float]]:
 
 
 def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
-    """Why nothing tells the period."""
+    """The reason why the period is undefined."""
     if velocity is None:
         return (
             "not through a wave of constant frequency, and no uniform translation of the state "
@@ -321,7 +322,8 @@ def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
 
 
 def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:
-    """How many times a system repeats while its drives turn by some quarters of their periods.
+    """How many times a system repeats while its drives advance by given multiples of a quarter
+    period.
 
     The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
     """
@@ -334,8 +336,7 @@ def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:
 
 
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
-    """A formula in which what repeats has been turned by quarters of its period, by its
-    frequency."""
+    """A formula whose waves have been advanced by quarters of their periods, given by frequency."""
 
     def turn(e: Expr) -> Expr | None:
         if "t" not in e.symbols:

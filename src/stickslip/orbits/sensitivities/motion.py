@@ -1,8 +1,9 @@
 """Derivatives of a motion with respect to parameters and initial values.
 
 The first variation (:mod:`stickslip.orbits.fields.variational`) is exact between events and across
-them, for any number of parameters in one pass along the motion. Times at which it is asked for
-become knots of the motion. Where no derivative exists, it says so, and why: nothing is said beyond.
+them, for any number of parameters in one pass along the motion. The requested times become knots of
+the motion. Times at which no derivative exists are reported with the reason; derivatives beyond are
+NaN.
 
 References
 ----------
@@ -56,11 +57,11 @@ class Sensitivity:
     values : array, shape (quantities, times)
         The quantities themselves (right limits where they jump).
     slopes : array, shape (quantities, times, names)
-        Their derivatives; not numbers after a time at which there is none.
+        Their derivatives; NaN after a time at which there is none.
     knots : array of int, shape (switches,)
         Knots of the motion at which something switches.
     switches : array, shape (switches, names)
-        Derivatives of the times at which it does.
+        Derivatives of the times of these switches.
     missing : tuple of (float, str)
         Times at which no derivative exists, and why.
     """
@@ -77,18 +78,18 @@ class Sensitivity:
 
     @property
     def switch_times(self) -> Array:
-        """When something switches."""
+        """Times of the switches."""
         return self.trajectory.knots.time[self.knots]
 
 
 def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
     """Derivatives by quantity, over parameter and time; ``d_switch_time`` over parameter and
-    switch. What a unit of the parameter is, is a coordinate.
+    switch. The units of the parameters are a coordinate.
 
     Parameters
     ----------
     compared : bool
-        Whether differences of motions stand beside them.
+        Whether finite differences of motions are added.
     """
     import xarray as xr
 
@@ -124,8 +125,8 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 
 
 def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
-    """What is said of the derivative of a quantity, whose unit is that of the quantity for each of
-    the parameter; of a formula no unit is known."""
+    """Attributes of the derivative of a quantity. Its unit is that of the quantity per unit of the
+    parameter; the unit of a formula is unknown."""
     known = name in {*trajectory._rows, *trajectory.system.outputs, "energy"}
     said = quantity(trajectory.system, name) if known else {"long_name": name}
     return {
@@ -136,7 +137,8 @@ def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
 
 
 def _pieces_of(trajectory: Trajectory, free: tuple[str, ...]) -> Pieces:
-    """The smooth pieces of its system, made once, with derivatives by some parameters."""
+    """The smooth pieces of its system, computed once, with derivatives with respect to some
+    parameters."""
     equations = trajectory._problem.compiled.equations
     return made_once(equations, "pieces", lambda: Pieces(equations, *free), free)
 
@@ -156,16 +158,16 @@ def sensitivities(
     ----------
     names : sequence of str
         Parameters; and components of the state, or unknowns of structures, for their initial
-        values. Without any, only the quantities are told.
+        values. If empty, only the values of the quantities are computed.
     times : array, optional
         By default 201 evenly spaced times.
     of : sequence of str, optional
         Quantities, or formulas of them; by default the state.
     touching : bool
-        Whether guards are looked for that are touched without being crossed, which takes about as
+        Whether to search for guards that are touched without being crossed, which takes about as
         long as the motion.
     start : array, shape (states, names), optional
-        How the initial state changes with each name besides: where it is a function of parameters.
+        Additional derivatives of the initial state, if it is a function of parameters.
 
     Raises
     ------
@@ -204,7 +206,7 @@ def follow(
     Parameters
     ----------
     trajectory, fine : Trajectory
-        The motion, and the same with more knots, at which the variation is told.
+        The motion, and the same with additional knots, at which the variation is computed.
     names : sequence of str
         Parameters; and components of the state, or unknowns of structures, for their initial
         values.
@@ -242,8 +244,8 @@ def follow(
 
 
 def _check_names(trajectory: Trajectory, names: Sequence[str]) -> None:
-    """Refuse names of one parameter or initial value twice, and initial values that are not
-    independent: which others are fixed would be ambiguous."""
+    """Reject duplicate names, and initial values that are not independent, for which it would be
+    ambiguous which others are fixed."""
     for name in names:
         if list(names).count(name) > 1:
             raise DeclarationError(f"sensitivity: {name}", "it is given twice", "Give it once only")
@@ -280,8 +282,8 @@ def at_events(
     start: Array | None = None,
     touching: bool = True,
 ) -> Sensitivity:
-    """Quantities right before events, and their derivatives, the change of the time of the event
-    included.
+    """Quantities immediately before events, and their derivatives, including the change of the time
+    of the event.
 
     Parameters
     ----------
@@ -302,7 +304,7 @@ def at_events(
     Raises
     ------
     DeclarationError
-        If the state jumps at an event, and more is asked for than its time.
+        If the state jumps at an event and quantities other than its time are requested.
     """
     observed = read_observations(trajectory, of)
     jumping = np.intersect1d(events, trajectory._leaps)
@@ -340,7 +342,7 @@ def at_events(
 
 
 def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Array:
-    """The times that are asked for, checked."""
+    """The requested times, checked."""
     first, last = trajectory.knots.time[[0, -1]]
     if times is None:
         return np.linspace(first, last, _GRID)
@@ -379,11 +381,12 @@ def with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
 
 
 def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
-    """Let changes of the first state, and of parameters, keep the constraints of the first mode.
+    """Project changes of the first state, and of parameters, onto the constraints of the first
+    mode.
 
-    What sticks and is pushed slides for a moment, as short as the push is small, until friction has
-    taken the push away: its change is put back along M⁻¹Jᵀ, the difference of the rates of slip in
-    both directions. Returns why there is no derivative, where there is none.
+    A perturbed sticking contact slides until friction has removed the perturbation, for a time
+    proportional to it: in the limit the change is projected along M⁻¹Jᵀ, the difference of the
+    rates of slip in both directions. Returns the reason if there is no derivative.
     """
     k = trajectory.knots
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
@@ -410,8 +413,8 @@ def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
 def _begins_at_boundary(
     pieces: Pieces, piece: Piece, at: tuple[float, Array, Array], directions: Array
 ) -> str:
-    """Why there is no derivative where a guard is zero at the start: neighbours on the other side
-    begin with other rates.
+    """The reason why there is no derivative if a guard is zero at the start: neighbouring motions
+    on its other side begin with different rates.
 
     Parameters
     ----------
@@ -420,7 +423,7 @@ def _begins_at_boundary(
     at : float, array, array
         The first time and state, and the parameters.
     directions : array
-        Changes that are asked for.
+        The requested changes.
     """
     t, y, p = at
     here = piece.leave(t, y, p)
@@ -436,7 +439,7 @@ def _begins_at_boundary(
         contact = guard.switch - kinks
         if contact >= 0 and piece.field.contacts[contact].gap is not None:
             continue  # it has an impact, or cannot be closer
-        # What slips goes on in the other direction, if it comes from there.
+        # A slip reverses if the motion arrives from that side.
         reverse = contact >= 0 and piece.field.mode[contact] != 0
         other = -piece.field.mode[contact] if reverse else guard.to
         beyond = pieces(*piece.switched(guard.switch, other)).rates(t, y, p)
@@ -463,7 +466,8 @@ def _constrained(piece: Piece) -> list[int]:
 def _values_alone(
     trajectory: Trajectory, observed: tuple[Observation, ...], when: Array
 ) -> Sensitivity:
-    """What is asked for where no derivative is: nothing has to be followed along the motion."""
+    """The values of the quantities, without derivatives, so that no variation has to be
+    computed."""
     k = trajectory.knots
     clock = when - k.origin
     place = np.searchsorted(k.clock, clock, side="right") - 1
@@ -492,7 +496,7 @@ def _gathered(
     found: Variation,
     missing: list[tuple[float, str]],
 ) -> Sensitivity:
-    """Derivatives of what is asked for, from those of the state.
+    """Derivatives of the requested quantities, from those of the state.
 
     Parameters
     ----------
@@ -529,8 +533,8 @@ def _gathered(
 
 
 def second_opinion(found: Sensitivity) -> Array:
-    """The same derivatives of the state at the end of the motion, by Richardson's extrapolation of
-    differences of motions; not a number where such motions do not come to the end.
+    """The same derivatives by Richardson extrapolation of finite differences of motions; NaN if one
+    of these motions does not reach the end.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Steps that are made, measured, and accepted or halved."""
+"""Time steps of an evolution: computed, measured, and accepted or halved."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.sets.stable_sets import largest_weight
 from stickslip.rate_independent.solvers.choose import StepSolver
 
-_LEAST = 1e-3  # part of the energy that the load can move, below which no flow of energy is a scale
-_LOOK_AHEAD = 64  # least part of a solver's block that is made at once
+_LEAST = 1e-3  # smallest energy scale, as a part of the energy that the load can transfer
+_LOOK_AHEAD = 64  # a solver's block over this is the smallest number of steps computed at once
 _SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
 _SHORTEST = 2.0**-44  # step, as a part of the whole time
 
 
 class March:
-    """An evolution under way: iterating over it gives the accepted blocks, one after the other.
+    """An evolution in progress: iteration yields the accepted blocks of steps.
 
-    An adaptive march halves a step if its |defect| exceeds its share of the tolerance, or if its
-    overshoot exceeds the tolerance. The share is half of that of its length, h/T times the energy
-    that has flowed so far, and half of what it dissipates itself, which is most of it in short
-    steep pulses: all defects add up to less than the tolerance. The defect is large at onsets and
-    ends of sliding; the overshoot resolves the phase while forces are near their bounds.
+    An adaptive march halves a step if its |defect| exceeds its part of the tolerance, or if its
+    overshoot exceeds the tolerance. That part is ½ tol (h/T · E + D), with the length h of the
+    step, the total time T, the energy E transferred so far, and the energy D dissipated in the step
+    (the larger term in short steep pulses), so that all defects add up to less than the tolerance.
+    The defect is large at onsets and ends of sliding; the overshoot resolves the phase while forces
+    are near their bounds.
 
     Parameters
     ----------
@@ -44,18 +45,18 @@ class March:
     kkt : float
         Largest KKT residual of a step, relative to the largest weight.
     tolerance : float
-        Of the energy balance and of what forces leave K by.
+        Of the energy balance, and of the distance by which forces leave K.
     adaptive : bool
         Whether steps are halved to keep it; otherwise the nodes are final.
 
     Attributes
     ----------
     least : float
-        Energy that counts as a scale even if less has flowed.
+        Smallest energy scale, used if less has been transferred.
     outcome : EvolutionOutcome
         How it ended.
     detail : str
-        What exactly stopped it.
+        The reason, in detail.
     """
 
     def __init__(
@@ -98,8 +99,7 @@ class March:
                     )
                     return
                 good, fits = self._accepted(tried)
-                # What follows a step that is halved is made again: near onsets, do not go far
-                # ahead.
+                # Steps after a halved one are recomputed, so few are computed ahead near onsets.
                 size = min(block, max(2 * good, block // _LOOK_AHEAD, 1))
                 if good:
                     yield self._advance(tried, good)
@@ -170,8 +170,8 @@ class March:
 
 
 def _energy_of_load(problem: Evolution, times: Array) -> float:
-    """Energy that the load can move, estimated at a few times; where it is undefined, the march
-    will say so."""
+    """Energy that the load can transfer, estimated at a few times. An undefined load is reported by
+    the march."""
     loads = []
     for t in np.append(problem.span[0], times[:: max(1, len(times) // 8)]):
         with suppress(DeclarationError):

@@ -149,7 +149,7 @@ def fitted(
     edges : array, shape (k,)
         Ascending; between them it is expected to be smooth.
     where : str
-        How errors call it.
+        Name in error messages.
     name : str
         That of the clock.
     period : float or None

@@ -42,7 +42,7 @@ def read(
         Formulas are texts or expressions in the name of the clock; a callable takes a number and
         returns an array; samples are understood where the shape is known.
     where : str
-        How errors call it.
+        Name in error messages.
     clock : Clock
         ``OF_TIME`` or ``OF_PHASE``.
     shape : tuple of int, optional
@@ -84,7 +84,7 @@ def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
     Parameters
     ----------
     where : str
-        How errors call it.
+        Name in error messages.
     closes : bool
         Whether to refuse functions that do not return to the same array after one period.
 

@@ -1,5 +1,5 @@
-"""What every signal can be asked: an array that is a function of the time t, or of the phase s with
-period 1."""
+"""The interface of signals: arrays that are functions of the time t, or of the phase s with period
+1."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
 
 
 class Variable(NamedTuple):
-    """What a signal is a function of.
+    """The argument of a signal.
 
     Attributes
     ----------
     name : str
         In formulas.
     periodic : bool
-        Whether only its fractional part counts.
+        Whether only its fractional part matters.
     """
 
     name: str
     periodic: bool
 
     def wrapped(self, u: Any) -> Any:
-        """The same moment, in [0, 1) if periodic."""
+        """The argument, reduced to [0, 1) if periodic."""
         return wrapped(u) if self.periodic else u
 
     def place(self, u: float) -> str:
-        """A moment as errors call it."""
+        """The argument in error messages."""
         return f"phase {self.name} = {u:g}" if self.periodic else f"{self.name} = {u:.9g}"
 
 
@@ -47,17 +47,17 @@ OF_PHASE = Variable("s", True)
 
 
 class Minima(NamedTuple):
-    """The least value of every entry of an array over one period.
+    """The minimum of every entry of an array over one period.
 
     Attributes
     ----------
     values, phases : ndarray of shape (n,)
-        Values up to rounding, and where they are taken; a phase is as accurate as that determines
-        it, 1e-8 for a smooth minimum.
+        Minima, to machine precision, and their phases, which are accurate to 1e-8 for a smooth
+        minimum.
     floors : ndarray of shape (n,)
-        No value is less, at any phase; if sampled, at none of these.
+        Lower bounds of the values at all phases; if sampled, at the sampled phases.
     sampled : int
-        Number of phases looked at; 0 if all phases are covered by bounds.
+        Number of sampled phases; 0 if all phases are covered by bounds.
     """
 
     values: Array
@@ -67,25 +67,25 @@ class Minima(NamedTuple):
 
 
 class Signal(ABC):
-    """An array that is a function of a clock.
+    """An array that is a function of the argument `clock`.
 
     Attributes
     ----------
     where : str
-        How errors call it.
+        Name in error messages.
     shape : tuple of int
     varies : bool
-        Whether it is not the same at all times.
+        Whether it is not constant.
     bounded : bool
-        Whether it is known everywhere, and not only where it is asked for.
+        Whether it can be bounded everywhere, and not only evaluated at given points.
     differentiable : bool
         Whether :meth:`slope` and :meth:`bent` are known.
     knots : ndarray
-        Places at which it has corners, known beforehand.
+        Arguments at which it is known to have corners.
     span : (float, float)
-        Between which it is known.
+        Domain in which it is defined.
     scale : float
-        Largest entry at a few places.
+        Largest entry at a few arguments.
     """
 
     where: str
@@ -100,23 +100,23 @@ class Signal(ABC):
 
     @property
     def looks(self) -> tuple[float, ...]:
-        """Phases at which a declaration is looked at when it is made; afterwards each is checked
-        when it is used."""
+        """Phases at which a declaration is checked when it is made; others are checked when they
+        are used."""
         return SAMPLE_PHASES if self.varies else (0.0,)
 
     # -- values ------------------------------------------------------------------------------------
 
     @abstractmethod
     def raw(self, u: float) -> Any:
-        """What was given says at u, unchecked; a phase is taken as it is."""
+        """The given value at u, unchecked; a phase is not reduced modulo 1."""
 
     def value(self, u: float) -> Array:
-        """The array at u; a phase is taken as it is.
+        """The array at u; a phase is not reduced modulo 1.
 
         Raises
         ------
         DeclarationError
-            If it has another shape than it should or is not finite.
+            If it has the wrong shape or is not finite.
         """
         return self.checked(self.raw(u), u)
 
@@ -125,11 +125,11 @@ class Signal(ABC):
         return self.value(self.clock.wrapped(u))
 
     def over(self, places: Array) -> Array:
-        """The arrays at several places, shape (m,), stacked: shape (m, ...)."""
+        """The arrays at several arguments, shape (m,), stacked: shape (m, ...)."""
         return self.unwrapped(self.clock.wrapped(places))
 
     def unwrapped(self, places: Array) -> Array:
-        """The same with phases taken as they are, such as 1 at the end of a period."""
+        """The same without reduction of phases modulo 1, such as 1 at the end of a period."""
         rows = [self.value(u) for u in places.tolist()]
         return np.array(rows).reshape(len(places), *self.shape)
 
@@ -139,7 +139,8 @@ class Signal(ABC):
 
     @property
     def elementwise(self) -> bool:
-        """Whether each entry can be had at a moment of its own for the price of all at one."""
+        """Whether evaluating each entry at a different argument costs no more than evaluating all
+        entries at one."""
         return True
 
     def shaped(self, given: Any, u: float) -> Array:
@@ -157,34 +158,34 @@ class Signal(ABC):
         return fitting(value, self.shape, self.where, when)
 
     def checked(self, given: Any, u: float) -> Array:
-        """A value as an array of this shape; refuses other shapes, NaN and infinities."""
+        """A value as an array of this shape; rejects other shapes, NaN and infinities."""
         value = self.shaped(given, u)
         return value if np.isfinite(value.sum()) else finite(value, self.where, self.clock.place(u))
 
     # -- between values ----------------------------------------------------------------------------
 
     def chord(self, low: Array, high: Array) -> Chord:
-        """The array on stretches from `low` to `high`, shape (m,) each, without knots inside;
+        """The array on intervals from `low` to `high`, shape (m,) each, without knots inside;
         phases within one period, 0 <= low <= high <= 1.
 
         The phase 1 is the end of a period, where the array may jump. Deviations are bounds if the
-        array is `bounded`; otherwise they are estimated by twice that in the middle: what a
-        parabola or a kink anywhere would have.
+        array is `bounded`; otherwise they are estimated by twice the deviation in the middle, which
+        covers a parabola or a single kink.
         """
         start, middle, end = (self.unwrapped(u) for u in (low, 0.5 * (low + high), high))
         return Chord(start, end, np.abs(2.0 * middle - start - end))
 
     def slope(self, places: Array) -> Array:
-        """Derivatives, shape (m, ...), where there is one; of what is `differentiable`."""
+        """Derivatives, shape (m, ...), where they exist; only if `differentiable`."""
         raise NotImplementedError
 
     def bent(self, low: Array, high: Array) -> Array:
-        """What second derivatives lie in on stretches, shape (2, m, ...), infinite where they are
-        not known; of what is `differentiable`."""
+        """Lower and upper bounds of second derivatives on intervals, shape (2, m, ...), infinite
+        where unknown; only if `differentiable`."""
         raise NotImplementedError
 
     def least(self) -> Minima | None:
-        """The least value of every entry over one period, shape (n,), if that can be proved."""
+        """The minimum of every entry over one period, shape (n,), if it can be proved."""
         return None
 
     @abstractmethod
@@ -194,24 +195,24 @@ class Signal(ABC):
         Parameters
         ----------
         span : (float, float)
-            Times that are asked for.
+            The requested time span.
         period : float, optional
             ε, if the clock is the phase s = t/ε.
 
         Raises
         ------
         DeclarationError
-            If it is not finite somewhere (the place is named), cannot be resolved, or is not known
-            over the whole span.
+            If it is not finite somewhere (the message names the argument), cannot be resolved, or
+            is not defined over the whole span.
         """
 
     def plain(self) -> Any:
-        """A single value as data for JSON: a number, a text, or a table.
+        """A single value as data for JSON: a number, a string, or a table.
 
         Raises
         ------
         StickslipError
-            If it is a function of Python.
+            If it is a Python function.
         """
         raise StickslipError(
             f"{self.where}: a Python function cannot be stored; give a formula or samples, or "
@@ -221,7 +222,7 @@ class Signal(ABC):
     # -- what may be wrong -------------------------------------------------------------------------
 
     def check_span(self, start: float, end: float) -> None:
-        """Refuse a span in which it is not known.
+        """Reject a span in which it is not defined.
 
         Raises
         ------
@@ -236,7 +237,7 @@ class Signal(ABC):
             )
 
     def left_out(self, start: float, end: float) -> list[str]:
-        """What is known of it before or after a time span, in words."""
+        """Descriptions of its parts before and after a time span."""
         first, last = self.span
         if self.clock.periodic or not np.isfinite(last - first):
             return []
@@ -249,7 +250,7 @@ class Signal(ABC):
         return found
 
     def check_period(self) -> None:
-        """Refuse a function of the phase that does not close up after one period.
+        """Reject a function of the phase that is not 1-periodic.
 
         Raises
         ------
@@ -263,7 +264,7 @@ class Signal(ABC):
                 raise not_periodic(self.where, s)
 
     def later(self, s: float) -> Array:
-        """What it says one period after phase s, where that is not taken modulo 1."""
+        """The value one period after the phase s, not reduced modulo 1."""
         return self.checked(self.raw(1.0 + s), 1.0 + s)
 
 
@@ -281,7 +282,7 @@ def same_array(one: Array, other: Array) -> bool:
 
 
 def not_periodic(where: str, s: float) -> DeclarationError:
-    """The refusal of a function that is another one after one period."""
+    """The error for a function that is not periodic."""
     return DeclarationError(
         where,
         f"it is not 1-periodic in the phase: it differs between s = {s:g} and s = {1 + s:g}",
@@ -290,7 +291,7 @@ def not_periodic(where: str, s: float) -> DeclarationError:
 
 
 def fitting(value: Array, shape: tuple[int, ...], where: str, when: str = "") -> Array:
-    """The array in the shape that is needed, from which it may differ by axes of length 1.
+    """The array in the required shape, from which it may differ by axes of length 1.
 
     Raises
     ------

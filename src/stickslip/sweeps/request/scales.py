@@ -1,4 +1,4 @@
-"""Which numbers the colours of a map stand for."""
+"""Colour scales of maps."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from stickslip.sweeps.request.measures import MEASURES
 
 
 class ColourScale(NamedTuple):
-    """Ends of the colours, and what kind of colours they are: from one end to the other, from a
-    middle at 0 to both ends, or round a whole turn."""
+    """Limits and kind of a colour scale: sequential, diverging from 0, or cyclic."""
 
     low: float
     high: float
@@ -20,17 +19,18 @@ class ColourScale(NamedTuple):
 
 
 def colour_scale(measure: str, values: Array) -> ColourScale:
-    """From where to where the colours of a measure go.
+    """Colour scale of a measure.
 
-    What has a least value, as an amplitude has 0, begins there, so that colours of two maps can be
-    compared, and small differences do not look large. What has both signs has 0 in the middle.
+    The scale begins at the lower bound of the measure, such as 0 for an amplitude, so that colours
+    of two maps can be compared and small differences do not look large. It is symmetric about 0 for
+    values of both signs.
 
     Parameters
     ----------
     measure : str
-        Its name; of formulas and functions nothing is known but the values.
+        Its name; formulas and functions have no known bounds.
     values : array
-        What sets the scale; what is not finite is left out.
+        Values that determine the scale; those that are not finite are ignored.
     """
     known = MEASURES.get(measure.partition(":")[0])
     least, most = (None, None) if known is None else (known.said.least, known.said.most)
