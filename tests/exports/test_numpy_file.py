@@ -156,7 +156,10 @@ def pulled(by: str) -> dict[str, Any]:
         (ss.catalogue.bouncing_ball, "contacts.plate: it has a gap"),
         (ss.catalogue.rimless_wheel, "jumps.leg_exchange: it is a jump of the state"),
         (ss.catalogue.rocking_toy, "coordinates.x_R: it is rate-independent"),
-        (ss.catalogue.two_block_rate_and_state, "coordinates.x_1.drag: its rate solves"),
+        (
+            ss.catalogue.two_block_rate_and_state,
+            "coordinates.x_1.drag: its rate is defined implicitly",
+        ),
         (
             lambda: ss.System("s", **pulled("x"), internal={"n": ss.Sampled(0.1, "x")}),
             "internal.n: it is sampled",

@@ -25,7 +25,7 @@ BODIES = {
     "Raise is not in the language. Return a status": "if n > 0:\n    raise ValueError  #",
     "Assert is not": "assert n > 0  #",
     "With is not": "with np.errstate():  #\n    x = 1.0",
-    "Lambda is not in the language. Write a function": "y = lambda a: a  #",
+    "Lambda is not in the language. Write a separate function": "y = lambda a: a  #",
     "FunctionDef is not in the language": "def g(a):  #\n    return a",
     "JoinedStr is not in the language. Return a number": "y = f'{x}'  #",
     "Starred is not": "return max(*v.shape)  #",
@@ -251,4 +251,4 @@ def test_types_that_take_many_rounds_to_settle(tmp_path: Path) -> None:
     steps = "".join(f"        {a} = {b} + 1\n" for a, b in pairwise(names))
     body = f"    {' = '.join(names)} = 0\n    for i in range(9):\n{steps}        {names[-1]} = x\n"
     head = HEAD.replace("float:", "float:  #")
-    assert "do not settle" in refused(f"{head}{body}    return a0\n", tmp_path)
+    assert "cannot be inferred" in refused(f"{head}{body}    return a0\n", tmp_path)

@@ -223,7 +223,7 @@ class History(Result):
         return plot_history(self)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The data, and what the certificate compares with."""
+        """The data, and the reference values of the certificate."""
         settings = {
             "outcome": self.outcome.code,
             "detail": self.detail,

@@ -447,7 +447,7 @@ class Play(Result):
 
     @property
     def title(self) -> str:
-        """What it is."""
+        """Title of the play."""
         return "play operator with moving thresholds"
 
     @property
