@@ -77,7 +77,7 @@ def validated(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_fields(item: Any) -> None:
-    """Refuse fields of a dataclass that are not what their annotations say.
+    """Reject fields of a dataclass that are not what their annotations say.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def check_fields(item: Any) -> None:
 
 
 def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> None:
-    """Refuse a value that is of none of some kinds.
+    """Reject a value that is of none of some kinds.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class MissingPackageError(StickslipError, ImportError):
 
 
 def need(package: str, extra: str) -> None:
-    """Refuse to go on without a package that is not part of the core.
+    """Reject to go on without a package that is not part of the core.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ def watched(what: str, *, patience: float = 0.0) -> Iterator[Show]:
 def told(
     listener: _Listener | None, what: str, *, patience: float = PATIENCE
 ) -> Iterator[_Listener | Show]:
-    """Who is told of the fraction done: the caller's listener, or whoever watches."""
+    """The receiver of the completed fraction: the caller's function, or a progress bar."""
     if listener is not None:
         yield listener
         return

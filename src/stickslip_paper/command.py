@@ -72,7 +72,7 @@ def paper(
 
 
 def _check_installed() -> None:
-    """Refuse to begin without what only the paper needs."""
+    """Reject to begin without what only the paper needs."""
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
     if missing:
         raise ss.StickslipError(

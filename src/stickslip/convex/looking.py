@@ -67,7 +67,7 @@ class LookedAt:
         return float(np.abs(self.values).max(initial=0.0))
 
     def check_values(self) -> None:
-        """Refuse what has no value, or a negative one."""
+        """Reject what has no value, or a negative one."""
         undefined = np.argwhere(~np.isfinite(self.values))
         if len(undefined):
             raise self._refused(
@@ -83,7 +83,7 @@ class LookedAt:
             )
 
     def check_degree(self) -> None:
-        """Refuse what is not homogeneous of degree 1."""
+        """Reject what is not homogeneous of degree 1."""
         v, others = self._rows()
         for factor in _FACTORS:
             scaled = self.value(factor * v, others)
@@ -98,7 +98,7 @@ class LookedAt:
                 )
 
     def check_convex(self) -> None:
-        """Refuse what is seen not to be convex: v is a sum of neighbours u and w on its circle, and
+        """Reject what is seen not to be convex: v is a sum of neighbours u and w on its circle, and
         R(v) may not exceed R(u) + R(w).
         """
         if len(self.names) == 1:  # convex if it is nonnegative
@@ -118,7 +118,7 @@ class LookedAt:
                 )
 
     def check_borders(self, normals: Array) -> None:
-        """Refuse what has a concave kink on a hyperplane: u and w are on both sides of it.
+        """Reject what has a concave kink on a hyperplane: u and w are on both sides of it.
 
         Parameters
         ----------

@@ -34,7 +34,7 @@ SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True)
 class Symbol:
-    """A name taken apart: letter, accents, and what stands above and below on its right."""
+    """The parts of a name: letter, accents, superscript and subscript."""
 
     letter: str
     accents: tuple[str, ...]
@@ -86,7 +86,7 @@ def unicode_name(name: str, dots: int = 0) -> str:
 
 
 def symbol_parts(name: str) -> tuple[str, list[str], list[str], list[str]]:
-    """Letter, accents, and what stands below and above on its right, in Unicode."""
+    """Letter, accents, subscript and superscript, in Unicode."""
     s = parse_name(name)
     below, above = [_GREEK.get(part, part) for part in s.subscripts], s.superscripts
     accents = [_ACCENTS[a][2] for a in s.accents]

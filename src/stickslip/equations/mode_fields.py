@@ -267,7 +267,7 @@ class _Solver:
         return [ex.sym(y) + jumps.get(y, ex.ZERO) for y in d.state]
 
     def check_straight(self, plane: Plane, struck: list[int]) -> None:
-        """Refuse a slip in a plane whose direction after an impact is not that before it: for this
+        """Reject a slip in a plane whose direction after an impact is not that before it: for this
         there is no formula.
 
         Parameters

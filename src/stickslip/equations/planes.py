@@ -62,9 +62,9 @@ class Plane(NamedTuple):
 
     @property
     def idle(self) -> tuple[Expr, ...]:
-        """What stands for the direction where nothing slips: zero; of a formula, which has no
-        gradient at 0, a direction in which all its pieces have one, as those of a disc have where
-        its rim is at rest."""
+        """The substitute for the direction in stick: zero; of a formula, which has no gradient at
+        0, a direction in which all its pieces have one, as those of a disc have where its rim is at
+        rest."""
         if self.formula is None:
             return (ex.ZERO,) * len(self.parts)
         if len(self.parts) == 2:
@@ -211,7 +211,7 @@ def pressed_planes(d: Declaration, contacts: list[DryContact], planes: list[Plan
 def _check_turning(
     d: Declaration, contacts: list[DryContact], plane: Plane, part: Component
 ) -> None:
-    """Refuse a contact with a formula on a body that more contacts hold than it has freedoms, if
+    """Reject a contact with a formula on a body that more contacts hold than it has freedoms, if
     their directions turn: then nothing says how long it holds."""
     closed = [c for c in part.contacts if not contacts[c].opens]
     held = frozenset(d.parameters)

@@ -168,7 +168,7 @@ def _holdable(system: System) -> list[str]:
 
 
 def _check_holdable(system: System, name: str) -> None:
-    """Refuse an input that is neither a parameter nor a drive, or whose rate is used: what is held
+    """Reject an input that is neither a parameter nor a drive, or whose rate is used: what is held
     has none."""
     if name in system.parameters:
         return

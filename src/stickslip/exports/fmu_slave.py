@@ -159,7 +159,7 @@ class SystemFmu(Fmi2Slave):
             self._shown = {}
 
     def _only_before(self, name: str, changed: bool) -> None:
-        """Refuse all further steps if a parameter changes while the motion goes on."""
+        """Reject all further steps if a parameter changes during the motion."""
         if changed and self._phase != "before":
             reason = "it cannot be set after the initialization"
             remedy = "Set it earlier, or export it as an input"

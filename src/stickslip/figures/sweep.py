@@ -267,7 +267,7 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
 
 
 def _marker(hatch: str) -> str:
-    """On a line, what stands for the hatching of cells."""
+    """The equivalent of hatched cells in line plots."""
     return next((_MARKS[kind] for kind, own in HATCHES.items() if own == hatch), "o")
 
 

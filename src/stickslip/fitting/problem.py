@@ -345,7 +345,7 @@ class FitProblem:
 
 
 def _check_derivatives(system: System) -> None:
-    """Refuse what has no derivatives whatever its motions are."""
+    """Reject what has no derivatives whatever its motions are."""
     for z in system.plain.declaration.resisted:
         raise DeclarationError(
             "system",

@@ -153,7 +153,7 @@ class Recording:
 
 
 def as_recordings(data: Any, shared: Mapping[str, Any]) -> tuple[Recording, ...]:
-    """One record or several, each with what is said of all of them where it says nothing itself.
+    """One record or several; attributes that a record does not define are those of all records.
 
     Parameters
     ----------

@@ -317,7 +317,7 @@ def _by_differences(problem: FitProblem, p: Array, first: NoDerivative) -> Array
 
 
 def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
-    """Refuse unknowns on which nothing depends, wherever one starts."""
+    """Reject unknowns on which nothing depends, wherever one starts."""
     idle = np.ones(len(problem.unknowns), bool)
     looked = 0
     for p in starts:

@@ -342,4 +342,4 @@ def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:
 
 
 listeners: list[Callable[[], None]] = []
-"""Who is told before something is compiled, or waited for."""
+"""Function that is called before compilation, or before waiting for it."""

@@ -2,9 +2,9 @@
 for.
 
 A file holds the format, a hash of its key and its code, and the code. The key is a text: all that
-the code depends on, or a hash of it. Code under the name of another, a damaged file, and in the
-cache one that somebody else could have written, are as good as no file: code is made again. So is
-code that could not be written; a full disk stops nobody.
+the code depends on, or a hash of it. A file with another key, a damaged file, and in the cache one
+that somebody else could have written are ignored, and the code is generated again. A full disk is no
+error: code that cannot be written is generated each time.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def _may_be_read(status: os.stat_result, trusted: bool) -> bool:
 
 
 def _head(key: str, code: bytes) -> bytes:
-    """What stands in a file before its code."""
+    """Header of a file of machine code."""
     bound = hashlib.sha256(key.encode("utf-8", "surrogatepass")).digest()
     return CODE_FORMAT + hashlib.sha256(bound + code).digest()
 

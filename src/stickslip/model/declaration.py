@@ -307,7 +307,7 @@ class Declaration:
         return ex.evaluate(expression, values)
 
     def check_span(self, start: float, stop: float) -> None:
-        """Refuse a time span of which a drive says nothing."""
+        """Reject a time span that a drive does not cover."""
         check_covered(self.given, start, stop)
 
     def kinks_known(self, start: float, stop: float) -> int:
@@ -315,14 +315,14 @@ class Declaration:
         return sum(drive.count(start, stop) for drive in self.given.values())
 
     def check_range(self, name: str, value: object) -> None:
-        """Refuse one parameter value that is unknown, no number, or out of range."""
+        """Reject one parameter value that is unknown, no number, or out of range."""
         where = entry_key("parameters", name)
         if name not in self.ranges:
             raise DeclarationError(where, "unknown parameter", suggestion(name, self.parameters))
         self.ranges[name].check(value, where)
 
     def check_parameters(self, values: Mapping[str, float]) -> None:
-        """Refuse parameter values that are unknown, out of range, or make M or C indefinite.
+        """Reject parameter values that are unknown, out of range, or make M or C indefinite.
 
         Raises
         ------
@@ -337,17 +337,17 @@ class Declaration:
             self.check_increasing(z, values)
 
     def check_mass(self, values: Mapping[str, float]) -> None:
-        """Refuse a mass matrix that is not positive definite."""
+        """Reject a mass matrix that is not positive definite."""
         check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
 
     def check_damping(self, values: Mapping[str, float]) -> None:
-        """Refuse a viscous matrix of viscous coordinates without a drag that is not positive
+        """Reject a viscous matrix of viscous coordinates without a drag that is not positive
         definite."""
         what = "viscous matrix of the viscous coordinates"
         check_definite(self.damping, self.damped, values, "viscous", what)
 
     def check_increasing(self, z: str, values: Mapping[str, float]) -> None:
-        """Refuse a resistance of a viscous coordinate that does not increase with its rate: by an
+        """Reject a resistance of a viscous coordinate that does not increase with its rate: by an
         enclosure, and at rates of many sizes where the motion starts."""
         from stickslip.symbolic.enclosures import bounds
 
@@ -379,7 +379,7 @@ class Declaration:
             self.limits.append((where, formula, interval))
 
     def check_limits(self, values: Mapping[str, float]) -> None:
-        """Refuse parameter values for which one of the limits does not hold."""
+        """Reject parameter values for which one of the limits does not hold."""
         for where, formula, interval in self.limits:
             if formula.symbols <= values.keys():
                 interval.check(ex.evaluate(formula, values), where)
@@ -394,7 +394,7 @@ class Declaration:
 def check_initial(
     declaration: Declaration, name: str, value: object, unknowns: Iterable[str] = ()
 ) -> None:
-    """Refuse an initial value of a name that is not part of the state.
+    """Reject an initial value of a name that is not part of the state.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class _Check:
 
     @cached_property
     def measured(self) -> dict[Expr, Expr]:
-        """What stands for a drive that was measured, or its rate, and its name."""
+        """The placeholder of a measured drive, or of its rate, and its name."""
         found: dict[Expr, Expr] = {}
         for name in self.system.declaration.given:
             drive = self.system.declaration.drives[name]

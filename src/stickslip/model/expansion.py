@@ -157,7 +157,7 @@ class Expansion:
         Raises
         ------
         DeclarationError
-            If there is none.
+            If there is no such name.
         """
         try:
             prefix, name, index = entry_of(text, self.structures)

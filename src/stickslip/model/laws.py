@@ -482,7 +482,7 @@ def by_name(name: str, where: str = "laws") -> FrictionLaw:
     Raises
     ------
     DeclarationError
-        If there is none.
+        If there is no such law.
     StickslipError
         If a law of another package cannot be loaded, or is not a law of that name.
     """

@@ -43,7 +43,7 @@ class Range:
         return above and below
 
     def check(self, value: object, where: str) -> None:
-        """Refuse what is not a number, or outside."""
+        """Reject what is not a number, or outside."""
         if not is_finite(value):
             raise DeclarationError(where, "not a finite number", "Give a finite number")
         if value not in self:
@@ -153,7 +153,7 @@ def measured_drives(drives: Mapping[str, Drive | Table]) -> dict[str, TimeFuncti
 
 
 def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float) -> None:
-    """Refuse a time span of which a drive says nothing."""
+    """Reject a time span that a drive does not cover."""
     for name, drive in drives.items():
         if not drive.covers(start, stop):
             first, last = drive.span

@@ -269,7 +269,7 @@ class DeclarationReader:
             result.check_increasing(z, system.values)
 
     def _check_jumps(self, where: str, formula: Expr, resists: float) -> None:
-        """Refuse a function whose jump resists a rate: where the rate stays on the jump, the force
+        """Reject a function whose jump resists a rate: where the rate stays on the jump, the force
         is any between."""
         for guard, part in terms_by_guard(formula).items():
             for rate in sorted(guard.symbols & self.velocities.keys()):
@@ -287,7 +287,7 @@ class DeclarationReader:
                     )
 
     def _check_energy(self) -> None:
-        """Refuse an energy that jumps on the way of a coordinate: no force is finite there."""
+        """Reject an energy that jumps on the way of a coordinate: no force is finite there."""
         for guard, part in terms_by_guard(self.result.potential).items():
             for x in sorted(guard.symbols & set(self.result.coordinates)):
                 if any(jumps_through(part, guard, x, self.start, self.constants)):
@@ -299,7 +299,7 @@ class DeclarationReader:
                     )
 
     def check_steps(self, where: str, formula: Expr) -> None:
-        """Refuse an inertia or a direction that jumps with a coordinate or in time: momentum would
+        """Reject an inertia or a direction that jumps with a coordinate or in time: momentum would
         have to, too."""
         for guard, part in terms_by_guard(formula).items():
             for x in sorted(guard.symbols & self.inertia.keys()):

@@ -38,7 +38,7 @@ limited where it is (:mod:`stickslip.equations.coupling`)."""
 
 
 def check_shape(item: Any, where: str = "") -> None:
-    """Refuse a declaration whose entries have the wrong types, before anything is read.
+    """Reject a declaration whose entries have the wrong types, before anything is read.
 
     Raises
     ------

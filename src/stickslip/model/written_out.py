@@ -142,7 +142,7 @@ class _WrittenOut(Expansion):
         return None if formula.symbols else ex.evaluate(formula, {})
 
     def check_sampled(self, plain: System) -> None:
-        """Refuse a period, a delay or a quantum that is not one of parameters alone, and a period
+        """Reject a period, a delay or a quantum that is not one of parameters alone, and a period
         within which nothing would ever be sampled."""
         span = self.system.span
         for where, text, _ in self.quotients:
@@ -197,7 +197,7 @@ class _WrittenOut(Expansion):
             self.single(name, contact, law, words, slopes)
 
     def check_values(self, where: str, contact: LawContact, law: FrictionLaw) -> None:
-        """Refuse parameters that the law does not have, needs, or cannot have."""
+        """Reject parameters that the law does not have, needs, or cannot have."""
         known = law.known()
         for given in contact.values:
             if given not in known and not (law.points and given in _OF_CURVES):
@@ -405,7 +405,7 @@ class _WrittenOut(Expansion):
             )
 
     def check_held(self, constraint: Formula, where: str) -> None:
-        """Refuse a constraint that does not hold at the start."""
+        """Reject a constraint that does not hold at the start."""
         system = self.system
         held = self.scope.parse(constraint, where)
         places = [*system.coordinates, *(name for name in held.symbols if is_entry(name))]

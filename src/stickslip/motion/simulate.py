@@ -122,14 +122,14 @@ def simulate(
 
 
 def check_positive(**given: object) -> None:
-    """Refuse numbers of events or workers that are none."""
+    """Reject numbers of events or workers that are none."""
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise DeclarationError(name, f"{value!r} is not a positive integer", "Give at least 1")
 
 
 def check_span(span: object, where: str = "t_span") -> tuple[float, float]:
-    """Refuse a time span that is none."""
+    """Reject a time span that is none."""
     try:
         start, end = (float(s) for s in span)  # type: ignore[union-attr]
     except (TypeError, ValueError, OverflowError):
@@ -147,7 +147,7 @@ def with_span(system: System, span: tuple[float, float] | None) -> System:
     Raises
     ------
     DeclarationError
-        If it is none, or a drive says nothing of a part of it.
+        If it is invalid, or a drive does not cover it.
     """
     return system if span is None else replace(system, span=check_span(span, "span"))
 

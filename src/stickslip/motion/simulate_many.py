@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
 _BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
 _MOST_LANES = 2048
-_PULSE = 0.25  # seconds after which a wish to stop is noticed
+_PULSE = 0.25  # seconds after which a request to stop is noticed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -297,7 +297,7 @@ def follow_block(
     max_events: int,
     slots: int,
 ) -> tuple[Lane, Array]:
-    """Follow some motions to their end, or until there is a wish to stop.
+    """Follow some motions to their end, or until a stop is requested.
 
     Parameters
     ----------

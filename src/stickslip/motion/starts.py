@@ -129,8 +129,8 @@ def put_on_contacts(problem: Problem, start: float, table: Array, states: Array)
 
 
 def check_contacts(problem: Problem, start: float, y: Array) -> None:
-    """Explain an initial state from which no mode of the contacts goes on, because they overlap or
-    a constraint does not hold.
+    """Explain an initial state that no mode of the contacts can continue, because they overlap or a
+    constraint does not hold.
 
     Raises
     ------

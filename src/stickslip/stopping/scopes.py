@@ -27,7 +27,7 @@ _T = TypeVar("_T")
 
 
 class Stopped(BaseException):
-    """A task was given up, since there was a wish to stop.
+    """A task was abandoned, since a stop was requested.
 
     As KeyboardInterrupt, it is no Exception: it passes through what a user's function catches.
     """
@@ -53,7 +53,7 @@ class Watch:
     Attributes
     ----------
     wish, late : arrays of int, shape (1,)
-        Not zero once there is a wish to stop, and once the time is up.
+        Not zero once a stop is requested, and once the time is up.
     keyboard : bool
         Whether the wish is only that Python has a look at its signals.
     until : float
@@ -209,7 +209,7 @@ def heed() -> bool:
     TimeUp
         If the time is up.
     Stopped
-        If there was a wish to stop.
+        If a stop was requested.
     """
     now = scope()
     # A busy machine may have kept the watchman from raising the flag.
@@ -250,7 +250,7 @@ def flagged(space: Any) -> Any:
 
 
 def check_limit(limit: float | None) -> None:
-    """Refuse a limit of wall-clock time that is none.
+    """Reject a limit of wall-clock time that is none.
 
     Raises
     ------

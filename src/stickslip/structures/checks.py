@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def check_names(given: Any, names: dict[str, int], count: int) -> None:
-    """Refuse names that are not names, or that are not those of degrees of freedom; indices become
+    """Reject names that are not names, or that are not those of degrees of freedom; indices become
     plain integers."""
     if isinstance(given, str) or not isinstance(given, Mapping | Sequence | None):
         raise DeclarationError("names", "expected a list of names", 'Write it like ["tip"]')
@@ -84,7 +84,7 @@ def checked_basis(given: Any, columns: int) -> Array:
 
 
 def check_positive(mass: Symmetric, said: Any) -> None:
-    """Refuse a mass that is not positive definite; `said` names a degree of freedom."""
+    """Reject a mass that is not positive definite; `said` names a degree of freedom."""
     diagonal = mass.diagonal()
     if np.any(diagonal <= 0.0):
         worst = int(np.argmin(diagonal))
@@ -103,7 +103,7 @@ def check_positive(mass: Symmetric, said: Any) -> None:
 
 
 def check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
-    """Refuse a matrix with an eigenvalue that is negative beyond rounding."""
+    """Reject a matrix with an eigenvalue that is negative beyond rounding."""
     diagonal = np.abs(matrix.diagonal())
     spread = float(np.max(diagonal, initial=0.0)) or 1.0
     small = COMPUTED_ZERO * np.where(diagonal > 0.0, diagonal, spread)

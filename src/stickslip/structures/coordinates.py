@@ -107,7 +107,7 @@ class InModes:
         return self.structure.key(index)
 
     def indexed(self) -> dict[str, Indexed]:
-        """What stands in formulas with an index."""
+        """The value of an indexed name in formulas."""
         return {self.name: InForms(self), f"d_{self.name}": InForms(self, "d_")}
 
     def weights(self, index: int) -> dict[int, float]:

@@ -45,7 +45,7 @@ def dense(matrix: Symmetric) -> Array:
 
 
 def check_memory(n: int) -> None:
-    """Refuse to treat a large sparse structure as full."""
+    """Reject to treat a large sparse structure as full."""
     needed = 4 * 8 * n * n  # mass, stiffness, and what LAPACK works with
     if needed > _MOST_MEMORY:
         raise DeclarationError(

@@ -50,7 +50,7 @@ class Adaptive:
 
 
 def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
-    """Refuse a refinement by what is not measured, or along axes without order.
+    """Reject a refinement by what is not measured, or along axes without order.
 
     Raises
     ------

@@ -78,12 +78,12 @@ class Level:
         return clock(self.system, derive(self.system.declaration), values)
 
     def check_frequency(self) -> None:
-        """See that there is a drive whose period the parameter changes.
+        """Check that there is a drive whose period the parameter changes.
 
         Raises
         ------
         DeclarationError
-            If there is none.
+            If there is no such drive.
         """
         if not derive(self.system.declaration).timed:
             raise DeclarationError(

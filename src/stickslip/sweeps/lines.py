@@ -128,7 +128,7 @@ def frequency_response(
         )
 
     def answers(name: str) -> None:
-        """Refuse a quantity that does not repeat, or has no phase."""
+        """Reject a quantity that does not repeat, or has no phase."""
         _check_periodic(system, name)
         at_first(name, *read_drive(system, name, drive)).check_phase()
 
@@ -182,7 +182,7 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
 
 
 def _check_periodic(system: System, of: str) -> None:
-    """Refuse a formula that does not repeat with the motion."""
+    """Reject a formula that does not repeat with the motion."""
     if of in system.followed:
         return
     formula = read_formula(system, of, "of")

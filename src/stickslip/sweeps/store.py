@@ -188,7 +188,7 @@ class MapStore:
             ) from None
 
     def _check_there(self) -> None:
-        """Refuse to write into a store that somebody has removed: there would be a part of one."""
+        """Reject to write into a store that somebody has removed: there would be a part of one."""
         if self.path is not None and not damage.is_there(self.path):
             raise StickslipError(
                 f"{self.path}: was removed while the map was computed. Run the same command again"
@@ -470,7 +470,7 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
 
 
 def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
-    """Refuse new values on a line that would not come after the old ones: these would begin
+    """Reject new values on a line that would not come after the old ones: these would begin
     elsewhere.
 
     Parameters

@@ -290,7 +290,7 @@ def checked_start(
 
 
 def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
-    """Refuse what a line that carries the state cannot do."""
+    """Reject what a line that carries the state cannot do."""
     if plan.carry is None:
         return
     if adaptive is not None:
@@ -435,7 +435,7 @@ def _work(work: Work, task: Batch) -> dict[str, Array]:
 
 
 class _Teller:
-    """Counts what is done, for whoever wants to know."""
+    """Counts completed points, for progress reports."""
 
     def __init__(self, store: MapStore, listener: Callable[[Progress], None] | None) -> None:
         self.listener = listener

@@ -143,7 +143,7 @@ class Indexed(ABC):
         Raises
         ------
         KeyError
-            If there is none; its argument is what there is.
+            If there is no such entry; the argument lists those that exist.
         """
 
 
@@ -342,7 +342,7 @@ def parse_signature(text: str, where: str) -> tuple[str, tuple[str, ...]]:
 
 
 def check_name(name: str, where: str, taken: Iterable[str] = ()) -> None:
-    """Refuse a name that is no identifier, is reserved, or is taken."""
+    """Reject a name that is no identifier, is reserved, or is taken."""
     if not NAME.match(name):
         raise DeclarationError(
             where,

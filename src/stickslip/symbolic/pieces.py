@@ -45,11 +45,11 @@ class Pieced:
     shown : str
         Its name in equations, by default its own.
     fences : (str, str)
-        What stands around its argument instead, in Unicode.
+        Brackets around its argument instead of a name, in Unicode.
     latex_fences : (str, str)
         The same in LaTeX.
     repeats : bool
-        Whether it has one argument and goes on piece after piece.
+        Whether it has one argument and infinitely many pieces.
     """
 
     made: Callable[..., Expr]

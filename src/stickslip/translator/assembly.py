@@ -98,7 +98,7 @@ class Assembly:
         self._count = 0
 
     def body(self) -> str:
-        """What stands in the braces."""
+        """The text in the braces."""
         return "\n".join(["entry:", *self.slots, *self.lines, ""])
 
     def new(self, type_: str, instruction: str) -> Register:
@@ -152,7 +152,7 @@ class Assembly:
         return self.new(POINTER, f"getelementptr {self.within}{type_}, {base.typed}, {place}")
 
     def load(self, type_: str, address: Register, note: str = "") -> Register:
-        """What stands at an address."""
+        """The value at an address."""
         return self.new(type_, f"load {type_}, {of_type(POINTER, address).typed}{note}")
 
     def store(self, value: Register, address: Register, note: str = "") -> None:

@@ -87,7 +87,7 @@ class Function(Values, ast.NodeVisitor):
         raise self._refusal(what, remedy)
 
     def doubt(self, what: str, remedy: str) -> None:
-        """Refuse in the end, unless another round finds other types."""
+        """Reject in the end, unless another round finds other types."""
         self.doubts.append(self._refusal(what, remedy))
 
     def _refusal(self, what: str, remedy: str) -> Refusal:
@@ -155,7 +155,7 @@ class Function(Values, ast.NodeVisitor):
                 self.visit(statement)
 
     def generic_visit(self, node: ast.AST) -> Any:
-        """Refuse what is not in the language."""
+        """Reject what is not in the language."""
         self.here = node if hasattr(node, "lineno") else self.here
         remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")
         self.refuse(f"{type(node).__name__} is not in the language", remedy)
@@ -453,7 +453,7 @@ class Function(Values, ast.NodeVisitor):
         return self.constant(parts[index.known]) if is_constant else parts[index.known]
 
     def indices(self, node: ast.expr) -> list[Index]:
-        """What stands in brackets."""
+        """The index in brackets."""
         found = list[Index]()
         for part in node.elts if isinstance(node, ast.Tuple) else [node]:
             if found and not isinstance(found[-1], Value):

@@ -310,7 +310,7 @@ class Values(Assembly):
     """Fast-math flags of its arithmetic."""
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
-        """Refuse what is being translated."""
+        """Reject what is being translated."""
         raise Refusal(f"{what}. {remedy}")
 
     def doubt(self, what: str, remedy: str) -> None:
@@ -520,7 +520,7 @@ class Values(Assembly):
         return bound(low, self.constant(0)), bound(high, length)
 
     def read_entry(self, type_: ArrayType, address: Register) -> Value:
-        """What stands at the address of an entry."""
+        """The value at the address of an entry."""
         kind, memory = ENTRIES[type_.entries]
         found = self.load(memory, address, NOTES[type_.entries])
         return Value(kind, self.converted(found, kind.llvm))

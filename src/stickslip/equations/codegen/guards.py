@@ -110,7 +110,7 @@ def _carrying(draft: Draft) -> None:
 
 
 def _normal_directions(draft: Draft) -> None:
-    """Rows of gaps, of what rubs under normal forces, and of restitution."""
+    """Rows of gaps, of friction under normal forces, and of restitution."""
     layout = draft.layout
     for i, c in enumerate(draft.eq.contacts):
         if c.gap is not None:

@@ -50,7 +50,7 @@ class Told:
 
 
 def refusal(error: Exception, where: str = "") -> Answer:
-    """What is wrong, for whoever asked: the name of the thing, the reason and the remedy."""
+    """An error for the page: the name of the input, the reason and the remedy."""
     said = {"where": where, "reason": str(error), "remedy": ""}
     if isinstance(error, DeclarationError):
         said = {"where": error.where, "reason": error.reason, "remedy": error.remedy}

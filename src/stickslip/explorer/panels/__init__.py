@@ -1,1 +1,1 @@
-"""The figures of each panel, empty; the page fills them with what it is told."""
+"""The empty figures of each panel, which the page fills with data."""

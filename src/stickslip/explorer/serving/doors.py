@@ -51,7 +51,7 @@ OVERRIDDEN = {
 
 
 def check_bokeh() -> None:
-    """Refuse a version of Bokeh that lacks a method which is overridden here: it would call one of
+    """Reject a version of Bokeh that lacks a method which is overridden here: it would call one of
     another name in its place, and nothing would guard it.
 
     Raises

@@ -249,7 +249,7 @@ class WorkerPool:
             worker.begin(Job(None, self._expected, lambda answer, final: None))
 
     def _compiles(self, worker: Worker) -> None:
-        """A worker compiles: whoever waits for it, or for a free one, is told."""
+        """A worker compiles: notify those who wait for it, or for a free one."""
         worker.compiling = True
         own = [worker.job] if worker.job is not None and not worker.given_up else []
         for job in [*own, *self._waiting.values()]:

@@ -29,7 +29,7 @@ def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
     Raises
     ------
     DeclarationError
-        If there is none, or something in it is wrong.
+        If there is no such model, or it is invalid.
     """
     system = _declared(setting.model, setting.toml)
     numbers = {n: v for n, v in setting.values.items() if n in system.parameters}
@@ -83,7 +83,7 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
     Raises
     ------
     StickslipError
-        If there is none.
+        If there is no such model.
     """
     from stickslip.orbits.cycles.find_cycle import find_cycle
 
@@ -116,7 +116,7 @@ def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], 
 
 
 def check_no_files(toml: str) -> None:
-    """Refuse a model that would read a file of this machine: it came from a page."""
+    """Reject a model that would read a file of this machine: it came from a page."""
     read = {"drives": ("file",), "structures": ("mass", "stiffness", "damping")}
     declared = parse(toml)
     for section, keys in read.items():

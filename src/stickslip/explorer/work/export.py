@@ -101,7 +101,7 @@ def toml_of(setting: PageSetting) -> str:
 
 
 def model_of(setting: PageSetting) -> str:
-    """What a command is told of the model: its name, or the file that it is saved as."""
+    """The model as an argument of a command: its name, or the name of its file."""
     system, _ = system_of(setting)
     return file_named(system.name) if setting.toml else setting.model
 

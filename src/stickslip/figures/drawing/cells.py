@@ -129,7 +129,7 @@ def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str
 
 
 def hatched_patch(hatch: str, label: str, colour: str | tuple[str, float] = "none") -> Patch:
-    """What stands in a legend for hatched cells."""
+    """Legend entries for hatched cells."""
     patch = Patch(fc=colour, ec=STICK_LINE, lw=0.6, hatch=4 * hatch, label=label)
     _set_width(patch, _THIN)
     return patch

@@ -1,4 +1,4 @@
-"""What pictures of maps share: which measures they show, and what stands at their axes."""
+"""Common parts of plots of maps: the measures that they show, and the labels of their axes."""
 
 from __future__ import annotations
 

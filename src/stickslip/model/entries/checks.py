@@ -55,7 +55,7 @@ def check_definite(
     what: str,
     semi: bool = False,
 ) -> None:
-    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation of
+    """Reject a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation of
     the entries that there are.
 
     Its diagonal is scaled to 1 before pivots are judged: coordinates may have any units.
@@ -129,7 +129,7 @@ def _lowest(rows: Sequence[Mapping[int, float]]) -> float:
 
 
 def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1) -> None:
-    """Refuse a formula whose derivatives cannot be formed."""
+    """Reject a formula whose derivatives cannot be formed."""
     names = frozenset(names)
     try:
         slopes = [formula]
@@ -203,7 +203,7 @@ def size_of_terms(e: Expr, values: Mapping[str, float]) -> float:
 
 
 def check_line(where: str, contact: Contact) -> None:
-    """Refuse keys that only a contact in a plane has."""
+    """Reject keys that only a contact in a plane has."""
     if contact.dissipation is not None:
         raise DeclarationError(
             f"{where}.dissipation",
@@ -225,7 +225,7 @@ def check_line(where: str, contact: Contact) -> None:
 
 
 def check_components(where: str, contact: Contact, count: int) -> None:
-    """Refuse keys of a contact in a plane that do not have one entry for each direction."""
+    """Reject keys of a contact in a plane that do not have one entry for each direction."""
     for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
         if isinstance(given, tuple):
             raise DeclarationError(

@@ -515,7 +515,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
 
 
 def check_increasing(t: Array, where: str, argument: str) -> None:
-    """Refuse times, or other arguments, that do not increase.
+    """Reject times, or other arguments, that do not increase.
 
     Raises
     ------

@@ -141,7 +141,7 @@ DECIMAL_POINTS = "Save the file with decimal points, like 0.5"
 
 
 def check_cells(cells: Sequence[str], names: Sequence[str], where: str) -> None:
-    """Refuse a row with more cells than there are names: which belong to which is not known.
+    """Reject a row with more cells than there are names: which belong to which is not known.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def lines_of(file: str | PathLike[str]) -> list[str]:
 
 
 def separator_of(heading: str) -> str | None:
-    """What stands between the columns of a table with this line of names; None: blanks."""
+    """The separator of columns in a table with this header line; None for blanks."""
     return next((s for s in _SEPARATORS if s is None or s in heading), None)
 
 

@@ -98,7 +98,7 @@ def judge_beginning(
 
 @compiled()
 def is_quiet(starts: Record, i: int) -> bool:
-    """Whether a step goes on with what the one before did: no event is recorded there."""
+    """Whether a step continues the previous one, without a recorded event in between."""
     return bool(i > 0 and starts.cause[i] < 0)
 
 

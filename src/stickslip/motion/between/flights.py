@@ -20,7 +20,7 @@ APART = 150.0  # … between the times in it, where work is asked for
 
 
 def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
-    """The closed forms of a motion, which are made again where it comes from a file."""
+    """The closed forms of a motion, which are recomputed for a motion from a file."""
     from stickslip.motion.engine.event_loop import prepare_flights
     from stickslip.motion.steps.arrays import Constants
 

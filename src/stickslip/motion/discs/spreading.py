@@ -1,11 +1,11 @@
 """How far the rows of a tape stray while the state follows a polynomial: arithmetic of discs.
 
-A Taylor polynomial of a function that underflows where a step begins says nothing about the rest of
-the step. The tape that makes the series can bound the functions themselves. For every row w numbers
-are found in one pass, without series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times abs(τ) ≤
-H, and S, by how much w on the real step [0, h] may differ from what is analytic there. By Cauchy's
-estimate the Taylor coefficients are at most B/Hᵏ, so that what a polynomial of degree N cannot show
-on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
+A Taylor polynomial of a function that underflows at the beginning of a step does not describe the
+rest of the step. The tape that makes the series can bound the functions themselves. For every row w
+numbers are found in one pass, without series: B, with abs(w(τ) − w(0)) ≤ B for all *complex* times
+abs(τ) ≤ H, and S, by how much w on the real step [0, h] may differ from what is analytic there. By
+Cauchy's estimate the Taylor coefficients are at most B/Hᵏ, so that what a polynomial of degree N
+cannot show on [0, h] is below B (h/H)^(N+1)/(1 − h/H) + S.
 
 A third number, a lower bound of abs(w) on the disc, is larger than abs(w(0)) − B where exponentials
 grow: a quotient such as 1/(1 + exp u) is known even where the exponential overflows.

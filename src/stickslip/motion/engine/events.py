@@ -145,7 +145,7 @@ def strike(
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.
     entering : bool
-        Whether the motion starts, or goes on, here.
+        Whether the motion starts, or continues, here.
 
     Returns
     -------
@@ -330,7 +330,7 @@ def knock(
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.
     entering : bool
-        Whether the motion starts, or goes on, here: it may have been stopped at an impact.
+        Whether the motion starts, or continues, here: it may have been stopped at an impact.
     due : int
         The jump that has just been taken, or −1.
     zero : float

@@ -43,7 +43,7 @@ def resolvent(
         contacts, with a column for each coordinate of their component; the last ones of J have
         coefficients of friction.
     links, first_link : arrays of int
-        What rubs under which normal forces.
+        The contacts with friction under each normal force.
     group : array of int
         The contacts that each may share its force with, or negative.
     members : array of int, shape (n + m,)

@@ -94,7 +94,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
     least index, or the first kink alone; returns the first switch.
 
     What other components do decides nothing at the order that violates a guard. If in the end it
-    does, this is repeated, and pivoting goes on with one switch at a time.
+    does, this is repeated, and pivoting continues with one switch at a time.
 
     Parameters
     ----------

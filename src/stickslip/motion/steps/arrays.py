@@ -319,7 +319,7 @@ class Space(NamedTuple):
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
     wish, late : arrays of int, shape (1,)
-        Not zero once there is a wish to stop, and once the time is up
+        Not zero once a stop is requested, and once the time is up
         (:mod:`stickslip.stopping`).
     """
 

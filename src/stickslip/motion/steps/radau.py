@@ -26,7 +26,7 @@ _MOST = max(ORDERS) // 2  # stages
 _RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
 _MOST_CORRECTIONS = 12  # iterations of Newton's method for each length
 _CONVERGES = 0.5  # factor by which corrections fall at least: a shorter step is cheaper than more
-_SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
+_SLOW = 0.03  # factor by which corrections fall where the matrix is recomputed
 # part of a rounding error that is none, since what follows has to make up for it
 _NOTHING = 1.0 / 32.0
 _VAGUE = 1e-3  # part of its size to which a part of the state has to be known

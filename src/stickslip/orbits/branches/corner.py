@@ -112,7 +112,7 @@ class Corner:
     turn : Residual
         Whether the parameter turns back.
     onward : Onward or None
-        None if no cycle goes on from there.
+        None if no cycle continues from there.
     """
 
     cycle: Cycle
@@ -233,7 +233,7 @@ def _to_the_onset(ray: _Ray) -> float:
 
 
 def _to_the_meeting(ray: _Ray, onward: BeyondCorner) -> float:
-    """How far along a ray it is nearest to the line along which the branch goes on."""
+    """Position along a ray at which it is nearest to the line of the continued branch."""
     _, y, towards = ray
     units = onward.chart.scale(onward.x)
     ahead = _unit(onward.chart, onward.x, onward.towards)
@@ -303,7 +303,7 @@ def _sequence_at(chart: Chart, x: Array) -> Sequence | None:
 def _along_the_edge(
     chart: Chart, x: Array, towards: Array, edge: tuple[int, int]
 ) -> BeyondCorner | None:
-    """A cycle on which a contact is carried along, while the parameter goes on as before."""
+    """A cycle on which a contact is carried along, while the parameter changes as before."""
     other = chart.carrying(*edge)
     units = chart.scale(x)
     for length in _LENGTHS:

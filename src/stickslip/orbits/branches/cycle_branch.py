@@ -2,9 +2,9 @@
 of the sequence.
 
 The curve is followed in charts: coordinates around one state of the cycle, in units of its size.
-After some points the chart is made anew around the best state of the present cycle, and the
-direction of travel is carried over along the motion. No equation knows the sequence of modes; it is
-read off the motion, and where it changes between two points the change is located.
+After some points the chart is renewed around the best state of the present cycle, and the direction
+of travel is carried over along the motion. No equation knows the sequence of modes; it is read off
+the motion, and where it changes between two points the change is located.
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ from stickslip.stopping.scopes import limited
 _STEPS = StepControl(
     first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO, left=CLOSES_TO
 )
-_IN_CHART = 8  # points before the chart is made anew
+_IN_CHART = 8  # points before the chart is renewed
 _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
-CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
+CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is renewed
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 # what is not seen to vanish is followed to sizes that are smaller by this factor, …
 _SAME = 1e-6  # of the range, and of the size of a cycle: corners this near are one

@@ -94,7 +94,7 @@ def of_branch(
     spans : mapping of str to (float, float)
         The range of each parameter.
     steps : array
-        Distance of each cycle from the one before; that of the first says nothing.
+        Distance of each cycle from the previous one; that of the first is meaningless.
     """
     own = [
         in_range(

@@ -103,7 +103,7 @@ Tell = Callable[[PointOnTheWay], None]
 
 @contextmanager
 def told_of_points(listener: Tell | None, what: str) -> Iterator[Tell]:
-    """Who is told of new points: the caller's listener, or whoever watches how many there are."""
+    """The receiver of new points: the caller's function, or a progress bar."""
     if listener is not None:
         yield listener
         return

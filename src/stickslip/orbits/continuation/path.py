@@ -42,7 +42,7 @@ class Ending(NamedTuple):
 INTERRUPTED = Ending(Stop.INTERRUPTED, "interrupted")
 TIME_UP = Ending(Stop.TIME_UP, "the time limit was reached")
 BROKEN_OFF = (Stop.INTERRUPTED, Stop.TIME_UP)
-"""How a curve ends that goes on."""
+"""The ending of a curve that continues."""
 
 
 class Limit(NamedTuple):

@@ -255,7 +255,7 @@ class _Search:
         Raises
         ------
         ConvergenceError
-            If there is none; the message says what became of the motion.
+            If no cycle is found; the message describes the end of the motion.
         """
         w = self._window(self.time, self.state, self.span)
         closed = self._beside(w) if beside else None

@@ -94,7 +94,7 @@ def possible_modes(
 def _joined(
     opening: list[int], pressing: dict[int, list[int]]
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts that can open, with what rubs under their normal forces: together where something
+    """Contacts that can open, with the friction under their normal forces: together where something
     rubs under several."""
     groups = [({n}, {j for j, normals in pressing.items() if n in normals}) for n in opening]
     found = list[tuple[set[int], set[int]]]()

@@ -39,7 +39,7 @@ class Family(ConvergenceError):
 
 
 def check_isolated(closed: Closed) -> None:
-    """Refuse cycles that come in families.
+    """Reject cycles that come in families.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-"""Whether a system goes on repeating itself: what time does to its formulas, from their structure
+"""Whether a system keeps repeating itself: the effect of time on its formulas, from their structure
 alone.
 
-That a motion has come back, and the forces on it, too, says nothing about a load that begins a year
-later. So the formulas have to be the same a period later, in the frame that moves with the motion:
-time may stand in phases that advance evenly, of which the period is a multiple; in lines in which
-time and frame make up for each other, as in Vt − x
-(:mod:`stickslip.orbits.fields.lines_and_phases`); and behind a kink that lies in the past for good.
+That a motion and the forces on it have returned does not exclude a load that begins a year later.
+So the formulas have to be the same a period later, in the frame that moves with the motion: time
+may stand in phases that advance evenly, of which the period is a multiple; in lines in which time
+and frame make up for each other, as in Vt − x (:mod:`stickslip.orbits.fields.lines_and_phases`);
+and behind a kink that lies in the past for good.
 """
 
 from __future__ import annotations

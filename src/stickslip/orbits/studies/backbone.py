@@ -287,7 +287,7 @@ def backbone(
     problem = pose(excited, values)
 
     def moved(name: str | None) -> Swinging:
-        """Refuse a quantity that the mode does not move."""
+        """Reject a quantity that the mode does not move."""
         swinging = read_swinging(system, name, {**system.values, **values})
         share_of(problem, chosen, swinging)
         return swinging

@@ -256,7 +256,7 @@ class Polytope(Dissipation, kind="polytope"):
         return vertices
 
     def _check(self, s: float) -> None:
-        """Refuse a phase at which K(s) does not contain 0 or is not bounded."""
+        """Reject a phase at which K(s) does not contain 0 or is not bounded."""
         when = f" at phase s = {wrapped(s):g}" if self.depends_on_phase else ""
         if self.corners is not None:
             far = float(np.linalg.norm(self.project(np.zeros(self.dimension), s)))
@@ -278,7 +278,7 @@ class Polytope(Dissipation, kind="polytope"):
             )
 
     def _check_period(self) -> None:
-        """Refuse vertices or half-spaces that describe another set after one period; their order
+        """Reject vertices or half-spaces that describe another set after one period; their order
         may change."""
         later = [
             None if part is None else part.later(0.0)

@@ -1,4 +1,4 @@
-"""What a step is worth, whoever made it.
+"""Error measures of a step, independent of the solver that computed it.
 
 Between the ends of a step z is taken to be affine, ẑ; d is its increment. Along ẑ the energy
 balance (E) of [M] (2.2) holds up to the *defect*, the mean over the step of

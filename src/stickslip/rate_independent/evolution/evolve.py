@@ -140,7 +140,7 @@ def nearest_stable(problem: Evolution) -> Array:
 
 
 def check_tolerances(**given: float) -> None:
-    """Refuse tolerances that are none."""
+    """Reject tolerances that are none."""
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
             raise DeclarationError(

@@ -383,7 +383,7 @@ class Dissipation(ABC):
     def _depth(
         self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]
     ) -> float:
-        """How much further than ξ, a point of K(s), its ray goes on inside K(s); from 0, where
+        """How much further than ξ, a point of K(s), its ray remains inside K(s); from 0, where
         there is no ray, how far K(s) reaches along the axes at least."""
         if length == 0.0:
             axes = np.eye(self.dimension)
@@ -393,7 +393,7 @@ class Dissipation(ABC):
     def _reach(
         self, direction: Array, s: float, nearest: Callable[[Array], Array], accuracy: float
     ) -> float:
-        """How far a ray, given by a unit vector, goes on inside K(s)."""
+        """How far a ray, given by a unit vector, remains inside K(s)."""
         reach = self.support(direction, s)
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
         # point of K(s).

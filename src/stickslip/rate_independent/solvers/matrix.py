@@ -66,7 +66,7 @@ def _check_symmetric(A: Any) -> None:
 
 
 def _check_definite(A: Any) -> None:
-    """Refuse a matrix that is not positive definite.
+    """Reject a matrix that is not positive definite.
 
     Small matrices, sparse ones up to 2e4 rows, and diagonally dominant ones are decided. A larger
     sparse one is refused only if some direction of a Krylov space (or the constant vector) has no

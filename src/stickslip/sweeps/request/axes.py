@@ -333,7 +333,7 @@ def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> A
 
 
 def _check_values(system: System, axis: Axis, known: Sequence[str] | None) -> None:
-    """Refuse names that cannot vary and values outside a parameter's range."""
+    """Reject names that cannot vary and values outside a parameter's range."""
     declaration = system.declaration
     taken = {*system.parameters, *declaration.state, *system.drives}
     if axis.labels and (name := axis.names[0]) in taken:
@@ -356,7 +356,7 @@ def _check_values(system: System, axis: Axis, known: Sequence[str] | None) -> No
 
 
 def _check_corners(system: System, axes: Sequence[Axis]) -> None:
-    """Refuse corners of the box at which mass or damping would not be positive definite."""
+    """Reject corners of the box at which mass or damping would not be positive definite."""
     ends = [sorted({0, len(axis) - 1}) for axis in axes]
     for corner in product(*ends):
         values = {

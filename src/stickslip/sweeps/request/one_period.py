@@ -154,14 +154,14 @@ RULES: Mapping[str, PeriodRule] = {
 
 
 def check_variable(of: str, where: str, remedy: str) -> None:
-    """Refuse what cannot be a part of the name of a variable."""
+    """Reject what cannot be a part of the name of a variable."""
     if "/" in of:
         reason = f"'{short(of)}' contains a /, which is not allowed in the name of a variable"
         raise DeclarationError(where, reason, remedy)
 
 
 def check_period_measure(system: System, name: str, of: str) -> None:
-    """Refuse a measure that no point of a map could have.
+    """Reject a measure that no point of a map could have.
 
     Raises
     ------

@@ -197,7 +197,7 @@ class Records(Mapping[str, Mapping[str, Samples]]):
         return np.array([[int(digest[:13], 16) / 16.0**13 for digest in self.digests]])
 
     def _check(self) -> None:
-        """Refuse records that are not alike, or the same."""
+        """Reject records that are not alike, or the same."""
         names = list(self)
         first = self.drives
         for name, parts in self._records.items():
@@ -275,7 +275,7 @@ class Driven:
         return self._under(next(iter(self.records))).of(self.base)
 
     def check(self) -> None:
-        """Refuse a span that a record does not cover.
+        """Reject a span that a record does not cover.
 
         Raises
         ------
@@ -427,7 +427,7 @@ def _read(file: Path, time: str, value: str, kind: SampleKind, drive: str, gaps:
 
 
 def _check_gaps(times: Array, where: str) -> None:
-    """Refuse a record of even steps in which samples are missing."""
+    """Reject a record of even steps in which samples are missing."""
     steps = np.diff(times)
     step = float(np.median(steps))
     wide = np.flatnonzero(steps > _GAP * step)

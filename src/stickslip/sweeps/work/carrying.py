@@ -107,7 +107,7 @@ class LinesToDo:
         return Runs(order, begins)
 
     def _before(self, index: Array, along: int) -> Handed | None:
-        """What a point goes on from that is computed already."""
+        """The state from which a computed point continues."""
         if along == 0:
             return None
         at = {**dict(enumerate(map(int, index))), **self.path[along - 1]}

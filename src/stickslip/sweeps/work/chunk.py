@@ -79,7 +79,7 @@ def measure_chunk(
     DeclarationError
         If a name, a value or a measure is wrong, or there is no such device.
     Stopped
-        If there was a wish to stop.
+        If a stop was requested.
     """
     starts, given = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**starts, **given})

@@ -78,7 +78,7 @@ class Device(Protocol):
 
 
 def check_device() -> None:
-    """Refuse to work without a GPU, or without what drives it.
+    """Reject to work without a GPU, or without what drives it.
 
     Raises
     ------

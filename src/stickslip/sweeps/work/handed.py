@@ -127,7 +127,7 @@ def _moving(rate: Array, elapsed: float, state: Array) -> Array:
 def taken_up(
     system: System, handed: Handed, parameters: Mapping[str, float]
 ) -> tuple[float, Array]:
-    """When and where a motion begins that goes on from another one with other parameters.
+    """Time and state at which a motion begins that continues another one with other parameters.
 
     The drives are at the same phase, and what friction cannot hold any more has moved to where it
     can.

@@ -72,7 +72,7 @@ def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) ->
 
 
 def check_sendable(work: Work) -> None:
-    """Refuse a function that another process could not find.
+    """Reject a function that another process could not find.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
     Raises
     ------
     Stopped
-        If there was a wish to stop.
+        If a stop was requested.
     """
     if runs is not None:
         return _along(work, columns, runs)

@@ -37,13 +37,13 @@ _R = TypeVar("_R")
 _CHANCES = 4  # workers that may die over one task before the task is to blame
 _AHEAD = 2  # tasks that are handed out for each worker
 ANSWER_WITHIN = 10.0  # seconds that a cluster has to answer
-# seconds after which a wish to stop is noticed, and that tasks under way then have to end
+# seconds after which a request to stop is noticed, and that tasks under way then have to end
 _PULSE = 0.25
 _LOCAL = ("threads", "processes")
 
 
 class Interrupt:
-    """A wish to end early, from Ctrl-C: the first one gives up what is under way, the second one
+    """A request to end early, from Ctrl-C: the first one gives up what is under way, the second one
     everything at once.
 
     Parameters
@@ -70,7 +70,7 @@ class Interrupt:
 
 @contextlib.contextmanager
 def listening(flag: Array) -> Iterator[Interrupt]:
-    """Take Ctrl-C for a wish to end, for the time of a block; only the main thread can."""
+    """Treat Ctrl-C as a request to end, within a block; only possible in the main thread."""
     stop = Interrupt(flag)
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -147,7 +147,7 @@ class Pool:
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[[_T], _R], task: _T) -> tuple[Future[_R | None], Executor]:
-        """Hand out a task; who has it is told, too."""
+        """Hand out a task, and record who has it."""
         try:
             return self._hand_out(function, task)
         except BrokenExecutor:

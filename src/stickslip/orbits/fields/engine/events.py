@@ -140,7 +140,7 @@ def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
 
 @entry_point()
 def jump(here: Leave, g: int, onward: Vector, usual: float, change: Matrix) -> int:
-    """The variation after one guard, where the motion goes on with other rates.
+    """The variation after one guard, from which the motion continues with other rates.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ def vary(
         state jumps (of both the caller has to say what comes after it, and to go on from there),
         `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
         has to be room as the event, `SPECTRUM_ASKED` with the piece whose eigenvalues are wanted,
-        or `HALTED` if there is a wish to stop.
+        or `HALTED` if a stop is requested.
     """
     if start == 0:
         nodes = resolve_steps(flow.rows, listed, run, work)

@@ -490,8 +490,8 @@ def deceives(outcome: int, change: float, closure: float) -> bool:
 
 @compiled()
 def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
-    """Forget all marks of a lane, which goes on from where it is; a driven one from its last
-    mark."""
+    """Discard all marks of a lane, which continues from its present state; a driven one from its
+    last mark."""
     for j in range(m.kind.shape[1]):
         m.kind[i, j] = _FORGOTTEN
     if m.drive[i] > 0.0:

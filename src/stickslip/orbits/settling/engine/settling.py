@@ -92,7 +92,7 @@ def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Benc
 
 @compiled()
 def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
-    """Follow a lane until its phase is another one, or there is a wish to stop.
+    """Follow a lane until its phase changes, or a stop is requested.
 
     What is to be measured then starts at the saved state, and lasts as long as the marks say.
     """
