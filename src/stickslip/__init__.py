@@ -1,5 +1,5 @@
-"""Systems with dry friction: declared by their energy and their dissipation, moved exactly, switch
-by switch.
+"""Systems with dry friction: declared by their energy and their dissipation potential, simulated
+exactly, event by event.
 
 >>> import stickslip as ss
 >>> system = ss.catalogue.rocking_toy(P=1.2)

@@ -1,4 +1,4 @@
-"""Arguments of public functions, checked against their annotations before anything is done.
+"""Checks of the arguments of public functions against their annotations.
 
 The annotation is what a function says of an argument, so it is what is asked of one:
 ``rtol: float`` is a number, ``system: System`` a system. Ranges, names and whatever else is special

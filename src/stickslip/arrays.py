@@ -1,4 +1,4 @@
-"""Arrays: their types in signatures, and as compiled functions take them."""
+"""Types of arrays in signatures, and their conversion for compiled functions."""
 
 from __future__ import annotations
 

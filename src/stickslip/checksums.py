@@ -1,4 +1,4 @@
-"""Checksums of stored results: what is damaged is found, and named, before anything is made of it.
+"""Checksums of stored results: damaged parts are detected and named before they are used.
 
 A result has a table of checksums, one for each attribute and each array, as the attribute
 ``stickslip_checksums``. A file ends in one more, of all bytes before it, since HDF5 may not come

@@ -1,4 +1,4 @@
-"""What can go wrong before a computation starts, said in the user's words."""
+"""Errors of declarations and arguments, and their messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is made of an object once, and goes with it.
+"""Values that are computed once per object, and cached with it.
 
 A cache whose keys are objects and whose values know these keeps both for ever, also if it refers to
 its keys weakly. Here an object has the cache itself.

@@ -1,5 +1,5 @@
-"""Many variables of a dataset as few arrays: a file has a price for each variable, not for its
-numbers.
+"""Packing of many variables of a dataset into few arrays, since the cost of a file depends on the
+number of variables.
 
 Variables of one shape and one unit stand together in ``packed_1``, ``packed_2``, ...: arrays with a
 first dimension more, along which a coordinate, ``packed_1_names``, says their names. With xarray

@@ -1,4 +1,4 @@
-"""Colours that colour-blind readers can tell apart, for pictures and for the page."""
+"""Colours that colour-blind readers can distinguish, for plots and for the page."""
 
 # Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
 BLUE = "#0072B2"

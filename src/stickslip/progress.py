@@ -1,5 +1,4 @@
-"""How far a long computation is: on stderr if a person is looking, or in the notebook that runs
-it."""
+"""Progress of long computations: on stderr in a terminal, or in a notebook."""
 
 from __future__ import annotations
 

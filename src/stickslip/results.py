@@ -1,4 +1,4 @@
-"""What public functions return: data, how it ended, what is proved of it, a picture, a file.
+"""The base class of results: data, outcome, certificate, plot, file.
 
 A kind of result describes itself (:class:`Described`); everything that follows is here: the summary
 of the command line and of ``summary.json``, the display in a notebook, files, and pictures of

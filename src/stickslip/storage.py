@@ -1,4 +1,4 @@
-"""Results as netCDF-4 files: written whole or not at all, read back as what they were written.
+"""Results as netCDF-4 files: written completely or not at all, and read back without loss.
 
 Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that
 kind, the version that wrote it, and what else the result is made of, texts as they are and all

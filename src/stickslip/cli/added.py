@@ -1,4 +1,4 @@
-"""Commands that other packages add: functions for typer, entry points of one group.
+"""Commands added by other packages: functions for typer, as entry points of one group.
 
 In the ``pyproject.toml`` of a package:
 

@@ -1,4 +1,4 @@
-"""The command line program: the names of all commands, and the short ones."""
+"""The command-line program: the table of commands, and the implementation of short ones."""
 
 from __future__ import annotations
 

@@ -1,2 +1,2 @@
-"""Formulas that are convex and homogeneous of degree 1: support functions of convex sets, and what
-is proved of them."""
+"""Formulas that are convex and homogeneous of degree 1: support functions of convex sets, with
+proofs of these properties."""

@@ -1,4 +1,4 @@
-"""Of which degree a formula is homogeneous, as seen from its form."""
+"""The degree of homogeneity of a formula, from its structure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All directions of a space, as boxes: what holds in every one of them is proved by bounds.
+"""A cover of all directions of a space by boxes, on which properties are proved by bounds.
 
 What is homogeneous is known from the surface of a cube, whose faces are boxes themselves; other
 names run over ranges. Boxes in which bounds do not decide are divided.

@@ -1,5 +1,5 @@
-"""Directions in which a formula is looked at: whether it is homogeneous, nonnegative and convex
-there, and what shows that it is not."""
+"""Tests of homogeneity, sign and convexity of a formula in sampled directions, with
+counterexamples."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A system's equations as a person would write them."""
+"""The equations of a system in mathematical notation."""

@@ -1,4 +1,4 @@
-"""A system's equations as a person would write them: Unicode text for the terminal, LaTeX for
+"""The equations of a system in mathematical notation: Unicode text for the terminal, LaTeX for
 notebooks."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Laws of dry contacts that are too long for a balance of forces, as a person would write them."""
+"""Friction laws that are too long for a balance of forces, in mathematical notation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A system as a page of a notebook: its equations in MathML, and what is declared beside them."""
+"""A system as a page of a notebook: its equations in MathML, and its declaration."""
 
 from __future__ import annotations
 

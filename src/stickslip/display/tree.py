@@ -1,4 +1,4 @@
-"""Formulas as a person wrote them: terms and factors stay in order, functions keep their names.
+"""Formulas as written by the user: terms and factors keep their order, functions their names.
 
 The engine's expressions (:mod:`stickslip.symbolic.expressions`) are canonical: sorted, with every
 function replaced by its body. That is right for a machine and unreadable for a person. Here a

@@ -1,1 +1,1 @@
-"""From a declaration to the equations of motion, and from these to machine code."""
+"""The derivation of the equations of motion from a declaration, and their machine code."""

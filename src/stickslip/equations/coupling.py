@@ -1,5 +1,5 @@
-"""Which coordinates and contacts a linear problem [[M, −Jᵀ], [J, 0]] couples: its connected
-components.
+"""The connected components of a linear problem [[M, −Jᵀ], [J, 0]]: coordinates and contacts that it
+couples.
 
 A force between blocks of a chain stands on the right-hand side; the matrix knows each block with
 its contact alone. So its inverse is one of small blocks, and all costs are in proportion to their

@@ -1,4 +1,4 @@
-"""How the right-hand side of a mode, and the map of an impact, follow from the equations."""
+"""The right-hand side of a mode, and the map of an impact, from the equations."""
 
 from __future__ import annotations
 

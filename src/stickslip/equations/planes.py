@@ -1,4 +1,4 @@
-"""Contacts in a plane: found from their components, with what presses and what pulls them."""
+"""Contacts in a plane: found from their components, with their normal and driving forces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The vector field of one mode, to be read and asked for numbers: what a system obeys while none of
+"""The vector field of one mode, as formulas and as numbers: the equations of a system while none of
 its contacts changes its mode."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a functional mock-up unit (FMU) offers of a system: its variables, as data."""
+"""The variables of a functional mock-up unit (FMU), as data."""
 
 from __future__ import annotations
 

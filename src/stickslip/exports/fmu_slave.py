@@ -1,4 +1,4 @@
-"""A system as a functional mock-up unit (FMU) runs it: a :class:`stickslip.Stepper` behind the
+"""A system inside a functional mock-up unit (FMU): a :class:`stickslip.Stepper` behind the
 functions that pythonfmu calls.
 
 An exception of Python ends the process of pythonfmu's library, so none leaves this module once the

@@ -1,5 +1,5 @@
-"""Pictures of dissipation potentials: stable sets and what they have in common, costs over a phase,
-a path."""
+"""Plots of dissipation potentials: stable sets and their intersection, costs over a phase, a
+path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Data, the fitted motions, and what is left."""
+"""Plots of data, fitted motions, and residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of fragilities: the share of records beyond a limit, over how much they are scaled."""
+"""Plots of fragilities: the fraction of records that exceed a limit, over their scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gait diagram: which contact moves when, and where that takes the feet."""
+"""The gait diagram: which contact moves when, and the positions of the feet."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Contacts in a plane: the path, coloured by stick and slip, and the friction force in the set of
-forces that it may be."""
+"""Contacts in a plane: the path, coloured by stick and slip, and the friction force in its
+admissible set."""
 
 from __future__ import annotations
 

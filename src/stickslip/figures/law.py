@@ -1,4 +1,4 @@
-"""The picture of a friction law: what force it has against a motion that is given."""
+"""The plot of a friction law: its force under a prescribed motion."""
 
 from __future__ import annotations
 

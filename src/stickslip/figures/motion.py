@@ -1,5 +1,4 @@
-"""The picture of one motion: time traces with stick phases shaded, and the phase plane where it
-says something.
+"""The plot of a motion: time traces with stick phases shaded and, if informative, the phase plane.
 
 However long the motion is, what is drawn of it is bounded: see
 :mod:`stickslip.figures.drawing.thinning`.

@@ -1,5 +1,5 @@
-"""Pictures of maps over records: a thin line for each record, their median, and what is between the
-16 % and the 84 % that stand for a standard deviation."""
+"""Pictures of maps over records: a thin line for each record, their median, and the range from 16 %
+to 84 %, which corresponds to a standard deviation."""
 
 from __future__ import annotations
 

@@ -1,1 +1,2 @@
-"""From measured data to a law: fits, profiles, comparisons, and what their uncertainty does."""
+"""Identification from measured data: fits, profiles, comparisons, and the effect of their
+uncertainty."""

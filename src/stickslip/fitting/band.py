@@ -1,4 +1,4 @@
-"""How the uncertainty of a fit moves what a system does in the long run.
+"""The effect of the uncertainty of a fit on branches of cycles.
 
 To first order (the delta method) a number y(p) of the fitted system has the variance gᵀCg with the
 gradient g and the covariance C of the fit. Gradients of cycles are exact

@@ -1,4 +1,4 @@
-"""Which law? Several systems beside the same data, judged by information criteria.
+"""Comparison of several systems with the same data, by information criteria.
 
 Akaike's weights exp(−ΔAICc/2) say how often each would predict best. Where the best has less than
 0.95 of them, the data do not decide.

@@ -1,4 +1,4 @@
-"""The law that explains data best, and how well they determine it."""
+"""The result of a fit: estimates, with their uncertainty."""
 
 from __future__ import annotations
 

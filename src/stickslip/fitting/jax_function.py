@@ -1,4 +1,4 @@
-"""Residuals of a fit as a function of JAX, with derivatives of its own."""
+"""Residuals of a fit as a JAX function, with exact derivatives."""
 
 from __future__ import annotations
 

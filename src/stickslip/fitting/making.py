@@ -1,4 +1,4 @@
-"""From data to a fit: the search, and what came of it as a result."""
+"""The function ``fit``: the search for the best fit, and its result."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A recording beside the motion that is to explain it: what was measured, the same of a motion, and
-its derivatives."""
+"""A recording and the corresponding motion: the measured quantities, the same quantities of a
+motion, and their derivatives."""
 
 from __future__ import annotations
 

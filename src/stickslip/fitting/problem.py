@@ -1,4 +1,4 @@
-"""A fit as a problem of least squares: residuals and their exact Jacobian, for any optimiser or
+"""A fit as a least-squares problem: residuals and their exact Jacobian, for any optimiser or
 sampler."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Profile likelihood: how far an unknown may be moved while the others make up for it."""
+"""Profile likelihood: the likelihood as a function of one unknown, maximised over the others."""
 
 from __future__ import annotations
 

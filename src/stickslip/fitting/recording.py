@@ -1,4 +1,4 @@
-"""Records of measurements: columns over time, or rows of events, with what is known of each."""
+"""Recordings of measurements: columns over time, or rows of events, with their known parameters."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The least of a problem of least squares with motions in it: several starts, and recordings that
-grow.
+"""The minimisation of a least-squares problem of motions: several starts, and recordings of
+increasing length.
 
 Where a motion repeats itself, sums of squares have a minimum wherever its period fits the data a
 little: from far away only the first part of a recording leads to the right one. So each start is

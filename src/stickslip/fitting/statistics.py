@@ -1,4 +1,4 @@
-"""What data say of the unknowns: standard errors, correlations of the residuals, tests.
+"""Statistics of a fit: standard errors, correlations of the residuals, tests.
 
 Near its minimum the sum of squares is a parabola, (p − p̂)ᵀ JᵀJ (p − p̂)/σ², so the covariance is σ²
 (JᵀJ)⁻¹; for a robust loss with ψ(r) = ρ′(r²) r it is E[ψ²]/E[ψ′]² (JᵀJ)⁻¹ (Huber). Residuals of

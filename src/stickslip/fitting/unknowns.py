@@ -1,4 +1,4 @@
-"""What is looked for: parameters and initial values, where they may be, and where to begin."""
+"""Unknowns of a fit: parameters and initial values, with bounds and start values."""
 
 from __future__ import annotations
 

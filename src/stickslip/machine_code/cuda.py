@@ -1,4 +1,4 @@
-"""A GPU of NVIDIA, by the functions of its driver."""
+"""An NVIDIA GPU, used through the functions of its driver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A GPU that is this processor: what the tests have where there is no other."""
+"""An emulation of a GPU on the CPU, for tests on machines without one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many modules become machine code, in two processes where there are two cores."""
+"""Compilation of many modules, in two processes if there are two cores."""
 
 from __future__ import annotations
 

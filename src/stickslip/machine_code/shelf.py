@@ -1,5 +1,5 @@
-"""Where the machine code of compiled functions comes from: shipped with the package, kept from an
-earlier run, or made now.
+"""Sources of the machine code of compiled functions: shipped with the package, cached from an
+earlier run, or compiled now.
 
 Entries that are compiled together are a *library*, an object for each source file. What is shipped
 is named by the sources it was made from and the processors it is for: machine code for the platform

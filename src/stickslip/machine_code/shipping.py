@@ -1,4 +1,4 @@
-"""The machine code of the package, made before anybody needs it.
+"""The machine code of the package, compiled in advance.
 
 ``python -m stickslip.machine_code.shipping`` makes what is not up to date, for this machine; with
 ``all``, for every level of processors.

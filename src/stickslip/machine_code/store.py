@@ -1,10 +1,9 @@
-"""A store of machine code on disk, from which nothing is run that was not made for what it is read
-for.
+"""A cache of machine code on disk, whose entries are verified before they are used.
 
 A file holds the format, a hash of its key and its code, and the code. The key is a text: all that
 the code depends on, or a hash of it. A file with another key, a damaged file, and in the cache one
-that somebody else could have written are ignored, and the code is generated again. A full disk is no
-error: code that cannot be written is generated each time.
+that somebody else could have written are ignored, and the code is generated again. A full disk is
+no error: code that cannot be written is generated each time.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Functions of one number that tables define, as machine code: piecewise polynomials, one piece for
-each pair of rows.
+"""Tabulated functions of one variable as machine code: piecewise polynomials, one piece for each
+pair of rows.
 
 What is written here knows the addresses of its tables, so it is made anew in every process, in some
 milliseconds.

@@ -1,1 +1,1 @@
-"""What a system is, how it is declared, and its language of files."""
+"""Systems: their declaration, and the format of model files."""

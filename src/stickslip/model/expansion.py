@@ -1,4 +1,4 @@
-"""The parts of a system while it is written out: their names, and the forces that are added."""
+"""The parts of a system during its expansion: their names, and additional forces."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What model files of every kind have in common: parameters and functions, and names that are
-taken."""
+"""Common parts of all kinds of model files: parameters, functions, and reserved names."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Units and meanings of what is measured: parts of the state, drifts, forces, energies, and the
-named measures of maps.
+"""Units and meanings of quantities: parts of the state, drifts, forces, energies, and the named
+measures of maps.
 
 Declared are the units of coordinates, parameters, time and contacts; those of everything else
 follow. What is declared without a unit is dimensionless.

@@ -1,5 +1,5 @@
-"""Reading a declaration: every formula becomes an expression, and everything wrong is found here;
-of contacts, in :mod:`stickslip.model.contact_reading`."""
+"""Reading a declaration: formulas are parsed to expressions and checked; those of contacts in
+:mod:`stickslip.model.contact_reading`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a system with dry friction is: its energy and its dissipation potential, as plain data.
+"""The declaration of a system with dry friction, as plain data: its energy and its dissipation
+potential.
 
 A :class:`System` holds texts and numbers only. Creating one checks the whole declaration
 (:mod:`stickslip.model.reading`), so a System that exists is a System that makes sense.

@@ -1,5 +1,5 @@
-"""A system written out: what computes knows neither laws with names nor constraints; what is left
-of them is a declaration like any other; neither does it know structures, which become modes.
+"""The expansion of a system: named laws, constraints and structures are replaced by coordinates,
+contacts and formulas, so that no other code depends on them.
 
 A law becomes thresholds, forces, internal variables and sliders behind springs, with the contact's
 name behind each of their names; a constraint two contacts that face each other, and friction under

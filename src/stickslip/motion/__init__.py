@@ -1,1 +1,1 @@
-"""From a system with numbers to its motion, and what is asked of it."""
+"""Motions of a system with given parameters: computation, results, and certificates."""

@@ -1,4 +1,4 @@
-"""Certificates: does a motion obey the law it is meant to solve?
+"""Certificates of motions: residuals of the laws of motion.
 
 All numbers are computed from the stored knots alone, by a method that did not produce them
 (:mod:`stickslip.motion.audit.step_balance`):

@@ -1,5 +1,4 @@
-"""Catalogues of slip events, as seismologists keep them: when each began, how long it lasted, how
-large it was.
+"""Catalogues of slip events, as in seismology: start, duration and size of each event.
 
 An event lasts from the first slip after all contacts have stuck to the next time when all do. With
 R. Burridge, L. Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371, and J. M. Carlson, J. S. Langer,

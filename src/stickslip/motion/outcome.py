@@ -1,4 +1,4 @@
-"""How a computation ended."""
+"""Outcomes of motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A system with numbers: what a computation of its motion starts from."""
+"""A system with parameter values and tolerances, the input of the computation of a motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Proof that nothing will ever happen again."""
+"""Proof that a motion has no further events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Where the compiled functions find things in a system, whatever its parameters are."""
+"""Positions of the quantities of a system in the arrays of compiled functions, independent of its
+parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a motion may start: on its constraints, without overlap, inside the stable set."""
+"""Admissible initial states: on the constraints, without overlap, inside the stable set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions that go on step by step, with inputs from outside: controllers, co-simulation."""
+"""Motions advanced step by step, with external inputs: controllers, co-simulation."""
 
 from __future__ import annotations
 

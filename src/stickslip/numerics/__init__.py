@@ -1,1 +1,2 @@
-"""Numbers that computations share: levels with names and reasons, and ratios of what may vanish."""
+"""Common numbers of computations: named levels with their reasons, and ratios with vanishing
+denominators."""

@@ -1,2 +1,2 @@
-"""Long-run behaviour: equilibria, cycles, gaits, their stability and their continuation in
+"""Long-term behaviour: equilibria, cycles, gaits, their stability and their continuation in
 parameters."""

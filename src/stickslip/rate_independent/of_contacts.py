@@ -1,5 +1,4 @@
-"""Contacts as potentials: what a contact dissipates, and the forces that it holds, as an object of
-the same kinds as those of evolutions."""
+"""Contacts as dissipation potentials, with their sets of admissible forces, as in evolutions."""
 
 from __future__ import annotations
 

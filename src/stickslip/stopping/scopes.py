@@ -1,4 +1,4 @@
-"""Scopes: what a computation listens to, and how it ends before it is done."""
+"""Scopes of time limits and interruptions of computations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A thread that raises flags, which compiled loops look at: at a signal, or when a time is up."""
+"""A thread that sets the flags checked by compiled loops, at a signal or a time limit."""
 
 from __future__ import annotations
 

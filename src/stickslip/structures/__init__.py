@@ -1,5 +1,5 @@
-"""Structures: what a finite-element code knows of a body, its matrices of mass, damping and
-stiffness, as a part of a system.
+"""Structures: bodies given by mass, damping and stiffness matrices, as from a finite-element code,
+as parts of a system.
 
 1. :class:`~stickslip.structures.structure.Structure` holds arrays, not formulas: they are checked
    once, and never change.

@@ -1,4 +1,4 @@
-"""Checks of what a structure is made of: names, a basis, and definite matrices."""
+"""Checks of the parts of a structure: names, basis, and definite matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Structures in model files: matrices in files of their own, or all arrays packed into one text."""
+"""Structures in model files: matrices in separate files, or all arrays packed into one string."""
 
 from __future__ import annotations
 

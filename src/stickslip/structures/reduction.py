@@ -1,4 +1,4 @@
-"""Reductions of structures: fewer coordinates, and what that leaves out."""
+"""Reductions of structures to fewer coordinates, with their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A structure: its matrices, its modes, and smaller structures that stand for it."""
+"""A structure: its matrices, modes, and reductions."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Parameter maps: many motions, what each settles on, stored."""
+"""Parameter maps: measures of the attractors of many motions."""

@@ -1,5 +1,5 @@
-"""Sweeps that carry the state: what a motion settles on while a parameter is changed step by step,
-as in an experiment.
+"""Sweeps that carry the state: the attractors of a motion while a parameter is changed step by
+step, as in an experiment.
 
 Frequency responses ask for the cycle; maps, which carry the state in the same way
 (:mod:`stickslip.sweeps.work.handed`), measure what motions settle on.

@@ -1,4 +1,4 @@
-"""What is damaged or missing in the store of a map, file by file.
+"""Damaged or missing files in the store of a map.
 
 Every chunk says where it belongs and ends in a checksum of its own, and ``zarr.json`` has those of
 all descriptions (:mod:`stickslip.checksums`). Files are compared as they are: nothing is decoded

@@ -1,5 +1,5 @@
-"""The files of a stored map, as zarr reads and writes them: every chunk says where it belongs, and
-what is gone is not taken for what is not computed."""
+"""The files of a stored map, as zarr reads and writes them: every chunk contains its position, and
+lost chunks are distinguished from those not computed."""
 
 from __future__ import annotations
 

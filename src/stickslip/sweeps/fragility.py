@@ -1,4 +1,4 @@
-"""Fragility: how many of some records take a system beyond a limit, over how much they are scaled.
+"""Fragility: the fraction of records that exceed a limit, over their scale.
 
 With J. W. Baker, *Earthquake Spectra* 31 (2015) 579-599, a lognormal distribution of the scale at
 which a record reaches the limit is fitted by its likelihood: P(exceeded) = Φ(ln(x/θ)/β), with the

@@ -1,5 +1,4 @@
-"""One level of a frequency response: what is asked and which lines were found; and the result of
-all levels."""
+"""One level of a frequency response: the request and its lines; and the result of all levels."""
 
 from __future__ import annotations
 

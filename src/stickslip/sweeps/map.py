@@ -1,4 +1,4 @@
-"""What maps are once they are computed: parameter maps and basins."""
+"""Results of maps: parameter maps and basins."""
 
 from __future__ import annotations
 

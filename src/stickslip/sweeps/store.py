@@ -1,4 +1,4 @@
-"""A map on disk: a Zarr 3 group that xarray reads as it is, written chunk by chunk.
+"""A map on disk: a Zarr 3 group that xarray can read, written chunk by chunk.
 
 The store is its own record of what is done. Every chunk of every variable is one file with a
 checksum, replaced whole or not at all, and the outcomes of a chunk are written after all its other

@@ -1,1 +1,1 @@
-"""Formulas as trees: read from text, differentiated, enclosed, lowered to tapes and to NumPy."""
+"""Formulas as trees: parsed, differentiated, bounded, lowered to tapes and to NumPy."""

@@ -1,5 +1,5 @@
-"""Enclosures on many boxes at once, as arrays of shape (2, boxes): lower ends, upper ends; and of
-one variable, how far formulas are from straight lines on stretches."""
+"""Enclosures on many boxes at once, as arrays of shape (2, boxes): lower ends, upper ends; and the
+deviation of formulas of one variable from straight lines on intervals."""
 
 from __future__ import annotations
 

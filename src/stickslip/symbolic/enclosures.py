@@ -1,4 +1,4 @@
-"""Enclosures on expression trees: what no value of a formula, and no slope of it, can leave.
+"""Enclosures on expression trees: bounds of the values and slopes of a formula.
 
 The formula is that of the tree, whose numbers have been combined already. One pass over it. The
 slope with respect to one name is enclosed along with the value. Where the branches of a function

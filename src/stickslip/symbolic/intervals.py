@@ -1,4 +1,4 @@
-"""Interval arithmetic: pairs (low, high) that no value can leave, of numbers or of arrays alike.
+"""Interval arithmetic: rigorous bounds (low, high), of numbers or arrays.
 
 Every operation is rounded outward, so that bounds are a proof and not an estimate. Sums, and
 products by a number, are exact where floating point is (their error is itself a floating-point

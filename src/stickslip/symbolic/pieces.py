@@ -1,4 +1,5 @@
-"""Functions of formulas that are made of others: with kinks and jumps, and piece after piece.
+"""Functions of the formula language that are composed of others: functions with kinks and jumps,
+and periodic ones.
 
 Every kink and every jump is a :func:`~stickslip.symbolic.expressions.select` on the sign of a
 guard, so that it is an event of a motion. Where its guard is 0 it has the value that was written

@@ -1,4 +1,4 @@
-"""Values at one instant as data: what a tape is for series, a routine is for numbers.
+"""Values at one instant as data: a routine computes numbers as a tape computes series.
 
 A routine is a list of statements that store values in arrays. It is made from expression trees
 (:func:`scalars_of`) or put together by hand, and written down as machine code

@@ -1,4 +1,4 @@
-"""LLVM assembly of one function in the making: registers, blocks, instructions.
+"""LLVM assembly of one function under construction: registers, blocks, instructions.
 
 Every register has a type, and what takes one looks at it. So a number is never an address, and a
 mistake shows where it is made, not where LLVM reads it.

@@ -1,4 +1,4 @@
-"""Functions of Python that the language knows: what a call of them becomes."""
+"""Python functions that are part of the language, and the assembly of their calls."""
 
 from __future__ import annotations
 

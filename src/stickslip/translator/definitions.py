@@ -1,4 +1,4 @@
-"""Functions as they are written, and as the assembly has them."""
+"""Functions of the language, and their definitions in assembly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled functions together: each for the types it is called with, as one module for each source
+"""Modules of compiled functions: each function for the types of its calls, one module per source
 file."""
 
 from __future__ import annotations

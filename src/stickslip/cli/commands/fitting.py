@@ -1,4 +1,4 @@
-"""The command ``fit``: from a record to the numbers of a law."""
+"""The command ``fit``: parameters of a system from data."""
 
 from __future__ import annotations
 

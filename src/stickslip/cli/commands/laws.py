@@ -1,4 +1,4 @@
-"""The command ``law``: the friction laws that have names, and each of them on a page."""
+"""The command ``law``: the list of named friction laws, and the description of each."""
 
 from __future__ import annotations
 

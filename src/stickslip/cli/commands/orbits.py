@@ -1,5 +1,5 @@
 """The commands ``run``, ``events``, ``equilibria``, ``cycle``, ``branch``, ``response``,
-``ring-down``, ``backbone`` and ``basin``: a motion of a system, and where it ends up."""
+``ring-down``, ``backbone`` and ``basin``: motions of a system, and their long-term behaviour."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What all commands share: how models are read, folders written, ends said."""
+"""Common parts of commands: reading of models, output folders, exit codes."""

@@ -1,4 +1,4 @@
-"""How a command ends: one line on stderr, and an exit code."""
+"""The end of a command: one line on stderr, and an exit code."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The folder of one run: complete results or none, and no file of anybody else is replaced; then
-its picture."""
+"""The output folder of a run: results are written completely or not at all, and files of other
+origin are never replaced; then the plot."""
 
 from __future__ import annotations
 

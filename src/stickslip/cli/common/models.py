@@ -1,4 +1,4 @@
-"""What a user types: model names, files, and assignments such as P=1.2 or mu=2/sqrt(alpha)."""
+"""Parsing of arguments: model names, files, and assignments such as P=1.2 or mu=2/sqrt(alpha)."""
 
 from __future__ import annotations
 

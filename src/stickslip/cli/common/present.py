@@ -1,4 +1,5 @@
-"""What all commands that compute share: do the work, write it down, draw it, say it, and end."""
+"""Common steps of commands that compute: the computation, its files, plot, summary and exit
+code."""
 
 from __future__ import annotations
 

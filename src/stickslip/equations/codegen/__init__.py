@@ -1,1 +1,1 @@
-"""What the functions of a system compute, as data."""
+"""The statements of the functions of a system, as data."""

@@ -1,5 +1,4 @@
-"""Rows of contacts, one by one: relative velocities and speeds, friction, and what presses them
-together."""
+"""Rows of single contacts: relative velocities and speeds, friction, and normal forces."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A layout while it is made: the rows that there are so far, and how large the terms of each are,
-by which rounding errors are judged. What lays rows out adds to it."""
+"""A layout under construction: its rows so far, and the sizes of their terms, which determine
+rounding errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Equations of motion -> what the functions that the engine calls have to compute, as data.
+"""Equations of motion -> the statements of the functions that the engine calls.
 
 A system has six functions:
 

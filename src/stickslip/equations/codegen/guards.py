@@ -1,5 +1,5 @@
-"""Rows of what guards look at, forces, thresholds, kinks and gaps, and of what results show of
-contacts."""
+"""Rows of the arguments of guards (forces, thresholds, kinks and gaps), and of contacts in
+results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rates that solve equations of their own, one by one: those of viscous coordinates with a
+"""Rates that are defined implicitly by scalar equations: those of viscous coordinates with a
 drag."""
 
 from __future__ import annotations

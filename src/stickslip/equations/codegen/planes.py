@@ -1,5 +1,5 @@
-"""Contacts in a plane, and faces: directions in which they slip, what is admissible, and the
-dissipations that are formulas."""
+"""Contacts in a plane, and faces: their directions of slip, admissible forces, and dissipations
+given by formulas."""
 
 from __future__ import annotations
 

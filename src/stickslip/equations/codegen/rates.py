@@ -1,5 +1,5 @@
-"""Rates of the rate-independent coordinates: the linear problem that they solve, and how the state
-is put back where sliding contacts have left λ + σ s = 0."""
+"""Rates of the rate-independent coordinates: their linear problem, and the projection of the state
+onto λ + σ s = 0 of sliding contacts."""
 
 from __future__ import annotations
 

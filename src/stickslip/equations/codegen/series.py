@@ -1,4 +1,4 @@
-"""What ``jets`` returns, and the inverse of a matrix."""
+"""Codes returned by ``jets``, and the inverse of a matrix."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What the machine code of systems calls where it is not written out: sums over orders, sums over
-rows, the inverse of a matrix. It is compiled with the engine.
+"""Functions called by the machine code of systems: sums over orders, sums over rows, the inverse of
+a matrix. It is compiled with the engine.
 
 Every product that is added is rounded once, together with the sum.
 """

@@ -1,4 +1,4 @@
-"""The series with a loop over the orders, where it would be too long written out."""
+"""Series with a loop over the orders, for systems whose unrolled code would be too long."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is repeated, written once: a loop over a table of what tells the repetitions apart.
+"""Repeated statements as a loop over a table of their differences.
 
 A chain of blocks has the same few formulas many times. Instructions and statements that differ in
 numbers alone (rows, places, constants) share a pattern; the numbers stand in a table of constants

@@ -1,1 +1,1 @@
-"""What the page, the server and the workers say to each other, as plain data."""
+"""Messages between the page, the server and the workers, as plain data."""

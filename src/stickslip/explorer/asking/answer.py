@@ -1,4 +1,4 @@
-"""What a worker says, and how it goes through a pipe."""
+"""Answers of a worker, and their transfer through a pipe."""
 
 from __future__ import annotations
 

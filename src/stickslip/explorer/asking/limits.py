@@ -1,4 +1,4 @@
-"""How much one page may ask for: a mistake, or malice, costs a message and not the machine."""
+"""Limits of the requests of a page, which protect the machine from mistakes and malice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page asks for: something to compute, of a system as it is set there.
+"""Requests of a page: a computation, and the system with its settings.
 
 All of it comes from outside, so it is checked here, once, before anything is done with it.
 """

@@ -1,1 +1,1 @@
-"""Moving pictures of systems, as data: parts, and where they are at the times of a motion."""
+"""Animations of systems, as data: parts, and their positions at the times of a motion."""

@@ -1,5 +1,5 @@
-"""Which moving picture a system has: one drawn for it, one of its structures, one from above for
-contacts in a plane, or one that every system has."""
+"""The choice of an animation: one drawn for the system, one of its structures, one from above for
+contacts in a plane, or the generic one."""
 
 from __future__ import annotations
 

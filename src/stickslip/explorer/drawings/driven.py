@@ -1,4 +1,4 @@
-"""What drives a system, along a motion: formulas of time at many times at once."""
+"""The drives of a system along a motion: formulas of time, evaluated at many times."""
 
 from __future__ import annotations
 

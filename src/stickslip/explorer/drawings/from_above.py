@@ -1,4 +1,4 @@
-"""The moving picture of contacts in a plane: bodies seen from above, on their paths."""
+"""The animation of contacts in a plane: bodies seen from above, on their paths."""
 
 from __future__ import annotations
 

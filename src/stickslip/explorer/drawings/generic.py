@@ -1,5 +1,5 @@
-"""The moving picture of any system: what has a length is a block on the ground, what turns is a
-disc; contacts are the soles of what they move, springs join what the energy couples."""
+"""The generic animation: displacements are blocks on the ground, rotations are discs; contacts are
+drawn below the bodies that they act on, and springs between coordinates that the energy couples."""
 
 from __future__ import annotations
 

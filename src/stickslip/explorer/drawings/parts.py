@@ -1,5 +1,4 @@
-"""What a moving picture is made of: shapes, and the places that they take in the course of a
-motion.
+"""The parts of an animation: shapes, and their positions during a motion.
 
 A place is a number, or one for each time. The page knows how to put each kind of part where it
 belongs and nothing else; what a part means stands here. Lengths are those of the picture, y runs

@@ -1,5 +1,5 @@
-"""The moving picture of structures: their displacements over the number of the unknown, with marks
-where contacts rub."""
+"""The animation of structures: displacements over the number of the unknown, with marks at
+contacts."""
 
 from __future__ import annotations
 

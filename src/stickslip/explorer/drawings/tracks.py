@@ -1,4 +1,5 @@
-"""What is pulled over the ground: the plate compactor, the crawler, sliders, a tip on a lattice."""
+"""Animations of bodies pulled over the ground: the plate compactor, the crawler, sliders, a tip on
+a lattice."""
 
 from __future__ import annotations
 

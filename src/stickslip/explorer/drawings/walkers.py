@@ -1,5 +1,5 @@
-"""What walks down a slope on stiff legs: the rimless wheel and the simplest walker; and what falls
-and swings."""
+"""Animations of walkers on stiff legs (the rimless wheel and the simplest walker), and of falling
+and swinging bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves as few samples as a picture needs, in characters: a motion takes a few kilobytes."""
+"""Curves with as few samples as a plot needs, encoded as text: a motion takes a few kilobytes."""
 
 from __future__ import annotations
 

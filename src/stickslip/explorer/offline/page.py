@@ -1,4 +1,4 @@
-"""An exported page: one file with motions, sliders over them, and no request to anybody."""
+"""An exported page: one file with motions and sliders, which makes no network requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which motions a page stores: the values of its sliders, and the points that they make."""
+"""The motions that a page stores: the values of its sliders, and their combinations."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What a page stores at each point: the motion, the cycle on which it settles, what certificates
-say of both."""
+"""The data of a page at each point: the motion, the cycle to which it converges, and the
+certificates of both."""
 
 from __future__ import annotations
 

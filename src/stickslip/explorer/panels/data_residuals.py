@@ -1,4 +1,4 @@
-"""What is left of data when the motion is taken away."""
+"""Residuals of data with respect to a motion."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Thresholds over a period with what they leave on the average; and, of two contacts, the forces in
-the moving stable set."""
+"""Thresholds over a period with their average, and, for two contacts, the forces in the moving
+stable set."""
 
 from __future__ import annotations
 

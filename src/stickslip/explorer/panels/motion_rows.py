@@ -1,4 +1,4 @@
-"""The motion over the time: a few rows below each other, with one axis of time."""
+"""The motion over time: a few rows with a common time axis."""
 
 from __future__ import annotations
 

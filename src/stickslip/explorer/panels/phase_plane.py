@@ -1,4 +1,4 @@
-"""The plane of two quantities: the motion, the one before it, and what it settles on."""
+"""The plane of two quantities: the motion, the previous motion, and the attractor."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What the figures of all panels share. Colours of text and grid are set by the page, which knows
-whether it is dark; nothing is heavier than what is drawn."""
+"""Common parts of the figures of all panels. Colours of text and grid are set by the page, which
+knows whether it is dark; nothing is heavier than what is drawn."""
 
 from __future__ import annotations
 

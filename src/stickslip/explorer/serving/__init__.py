@@ -1,1 +1,1 @@
-"""The server of the explorer: its doors, its workers, and what it does for each page."""
+"""The server of the explorer: access control, workers, and sessions of pages."""

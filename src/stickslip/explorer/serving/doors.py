@@ -1,4 +1,5 @@
-"""Who may come in: whoever knows the token, under a name that is on the list, and no other page.
+"""Access control: requests need the token and an accepted host name, and must not come from other
+pages.
 
 A page of somebody else could send requests to this machine from a browser here: by another origin,
 or by a name of its own that it lets point to 127.0.0.1 (DNS rebinding), where its origin and the

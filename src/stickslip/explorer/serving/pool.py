@@ -1,4 +1,4 @@
-"""Worker processes, and which question goes to which.
+"""Worker processes, and the distribution of requests to them.
 
 A question waits in its lane; a newer one of the same lane takes its place, and one that is being
 worked on is given up. What takes too long, or too much memory, ends with its worker, and another

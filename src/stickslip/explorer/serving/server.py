@@ -1,4 +1,4 @@
-"""The server: listens, says where, and opens the page."""
+"""The server: it listens, prints its address, and opens the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the server does for one page: hands its questions to workers, and their answers back."""
+"""The session of a page: its requests are passed to workers, and their answers back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one model that page and server share beside the figures: what is asked, what is said."""
+"""The model through which page and server exchange requests and answers."""
 
 from __future__ import annotations
 

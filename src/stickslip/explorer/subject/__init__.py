@@ -1,1 +1,1 @@
-"""The systems, motions and other results that pages look at, and how finely."""
+"""The systems, motions and other results shown by pages, and their resolution."""

@@ -1,5 +1,5 @@
-"""Times at which a motion is looked at for the page: every switch, and as many between as can be
-seen."""
+"""Times at which a motion is sampled for the page: every switch, and as many in between as are
+visible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of any kind, as they say themselves what they hold: the page knows no kind of result."""
+"""Results of any kind, described by their own metadata: the page does not depend on the kind."""
 
 from __future__ import annotations
 

@@ -1,1 +1,2 @@
-"""What a worker computes for a page, one file for each question; ``python -m`` of this is one."""
+"""The computations of workers, one file for each kind of request; ``python -m`` of this package is
+a worker."""

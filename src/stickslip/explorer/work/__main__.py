@@ -1,4 +1,4 @@
-"""A worker process: questions come in on its standard input, answers go out on its output."""
+"""A worker process: it reads requests from its standard input and writes answers to its output."""
 
 from stickslip.explorer.work.loop import serve_pipe
 

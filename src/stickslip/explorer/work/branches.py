@@ -1,5 +1,5 @@
-"""Branches over a parameter: of equilibria, and of the cycle that the motion settles on; point by
-point while they are followed, and as a whole as soon as they are measured."""
+"""Branches of equilibria and of the limit cycle over a parameter: sent point by point while they
+are followed, and completely when they have been measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Data beside a motion: what is left of them, and the parameters that explain them best."""
+"""Data compared with a motion: residuals, and parameters of the best fit."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A rate-independent evolution of one's own: the stable set of its dissipation potential as it
-moves with the phase, what is left of it on the average, and the motions of both.
+"""A user-defined rate-independent evolution: the stable set of its dissipation potential over the
+phase, its average, and the motions of both.
 
 Mielke 2017, Theorem 2.2: as ε → 0 the motions z_ε with Ψ(t/ε, ·) converge to the motion with Ψ_av,
 whose stable set is what all K(s) have in common.

@@ -1,5 +1,5 @@
-"""What a page gives away: the same as Python, as a command, as a model file; and the files that the
-library writes."""
+"""Exports of a page: its computation as Python, as a command, or as a model file, and the files
+that the library writes."""
 
 from __future__ import annotations
 

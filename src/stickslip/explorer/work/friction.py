@@ -1,5 +1,4 @@
-"""Effective friction: the stable set K(t) of forces that move nothing, as it goes with the motion,
-and what is left of it on the average.
+"""Effective friction: the stable set K(t) of forces along a motion, and its average.
 
 Friction that oscillates fast is, in the limit, that of the set of all forces that hold at every
 phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. The

@@ -1,4 +1,4 @@
-"""The loop of a worker: one question at a time, which can be given up while it is worked on."""
+"""The loop of a worker: one request at a time, which can be cancelled."""
 
 from __future__ import annotations
 

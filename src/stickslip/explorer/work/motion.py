@@ -1,4 +1,4 @@
-"""The motion of a system: its lines, its stick phases, a moving picture, then its certificate."""
+"""The motion of a system: its curves, stick phases and animation, then its certificate."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What a motion settles on, for the phase plane: equilibria with their kind, a cycle, and the
-states in which contacts begin to slip."""
+"""The long-term behaviour in the phase plane: equilibria with their kind, the limit cycle, and the
+states at which contacts begin to slip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures of maps draw cell by cell: colours, and hatching that ends where the cells do."""
+"""Cells in plots of maps: colours, and hatching that is clipped at the cells."""
 
 from __future__ import annotations
 

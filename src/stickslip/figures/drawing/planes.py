@@ -1,5 +1,5 @@
-"""What pictures of contacts in a plane are made of: paths, coloured by stick and slip, and friction
-forces in the set of forces that they may be."""
+"""Parts of plots of contacts in a plane: paths, coloured by stick and slip, and friction forces in
+their admissible set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chosen quantities of a result over time, or over whatever it runs over."""
+"""Selected quantities of a result over its first dimension, such as time."""
 
 from __future__ import annotations
 

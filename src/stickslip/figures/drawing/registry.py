@@ -1,4 +1,4 @@
-"""Pictures that others add to a kind of result, by the name that ``result.plot(name)`` takes."""
+"""Registered plots of a kind of result, by the name in ``result.plot(name)``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a motion is looked at for a picture: closely everywhere, however long it is."""
+"""Sampling of a motion for a plot: fine everywhere, regardless of its length."""
 
 from __future__ import annotations
 

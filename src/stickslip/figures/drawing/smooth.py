@@ -1,4 +1,4 @@
-"""Curves through points that were computed, as smooth as these are."""
+"""Smooth curves through computed points."""
 
 from __future__ import annotations
 

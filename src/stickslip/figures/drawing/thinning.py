@@ -1,5 +1,5 @@
-"""Long motions on few pixels: the extremes of every column, the shares of the modes in it, each
-piece of a curve once.
+"""Long motions on few pixels: the extremes and the fractions of the modes in every pixel column,
+and each piece of a curve once.
 
 A page has about a thousand pixels across; a motion may have millions of steps. What is drawn is
 bounded, and looks as if everything were drawn: M4 aggregation (Jugel, Jerzak, Hackenbroich and

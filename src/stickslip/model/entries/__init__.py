@@ -1,2 +1,2 @@
-"""What single entries of a declaration hold, whatever the system is: units, samples, and what is
-asked of formulas."""
+"""Single entries of a declaration, independent of the system: units, samples, and conditions on
+formulas."""

@@ -1,5 +1,5 @@
-"""Conditions on entries of a declaration: formulas that are quadratic, definite, or differentiable,
-by how much they jump; keys and directions of contacts."""
+"""Conditions on entries of a declaration: quadratic, definite or differentiable formulas, and the
+sizes of their jumps; keys and directions of contacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a system is declared of: parameters, coordinates, contacts, jumps, outputs and conditions.
+"""The entries of a declaration: parameters, coordinates, contacts, jumps, outputs and conditions.
 
 They are plain data, and hold what was written down; :mod:`stickslip.model.reading` checks it.
 """

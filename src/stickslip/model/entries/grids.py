@@ -1,4 +1,4 @@
-"""Points of tables as they are given: arrays, rows of files, packed texts."""
+"""Reading of the points of tables: arrays, rows of files, packed strings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What formulas call a contact."""
+"""Names of contacts in formulas."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Polynomials between samples or the knots of a table, and the rows that they have in the table of
-functions.
+"""Polynomials between samples or the knots of a table, and their rows in the table of functions.
 
 What depends on time has one gate, since time goes forward. The argument of a table goes both ways.
 Its gate has two rows more: in the region of even pieces it is that of the nearest even piece, which

@@ -1,4 +1,4 @@
-"""Even times at which something is sampled, and which of them meet.
+"""Equidistant sampling times, and the coincidence of several of them.
 
 Two sets of times o + kT meet where the ratio of their periods is p/q and the difference of their
 offsets is a multiple of the greatest common divisor T₀ of the periods. Then both are parts of one

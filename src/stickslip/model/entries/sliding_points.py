@@ -1,4 +1,4 @@
-"""The sliding force of a friction law that is given by points of force over speed."""
+"""Kinetic friction forces given by points of force over speed."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The language of model files: TOML read and written by classes of data, with every mistake named
-by its key."""
+"""The format of model files: TOML, read and written for data classes, with errors that name the
+key."""
 
 from __future__ import annotations
 

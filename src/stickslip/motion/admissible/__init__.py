@@ -1,1 +1,1 @@
-"""Forces and impulses that a law allows: whether there are any, and which."""
+"""Admissible forces and impulses: their existence and computation."""

@@ -1,5 +1,4 @@
-"""Admissible forces, or impulses, by least squares: which of those that a law allows are nearest to
-what is wanted.
+"""The admissible forces or impulses that are nearest to given ones, by least squares.
 
 Where it is known what closes, slips and rests, the law leaves a convex set of forces. It is the sum
 of cones: a unit of a normal force, with the friction that it can press; and a unit of a threshold,

@@ -1,4 +1,4 @@
-"""Impacts: where a gap closes with a velocity, velocities jump and positions do not.
+"""Impacts: when a gap closes with nonzero velocity, velocities jump, but positions do not.
 
 Newton's law with Coulomb's friction, in impulses, for all contacts that are closed or closing
 (γ: normal and tangential velocities before and after):

@@ -1,4 +1,4 @@
-"""What contacts can hold together: a rigid body that rests on several points.
+"""The strength of several contacts together: a rigid body that rests on several points.
 
 Where more directions stick than there are coordinates, forces are not unique. Rest asks for some
 forces inside their sets, discs in a plane and intervals along a line, that have the sum q which

@@ -1,4 +1,4 @@
-"""Forces of contacts that share them, as they are shown: the least, as far as these are admissible.
+"""Reported forces of contacts that share forces: those of minimum norm, if they are admissible.
 
 The least forces that rest needs, in units of the thresholds, may be too large for one contact where
 others hold more. Then those are shown that are first inside their sets on the straight way to the

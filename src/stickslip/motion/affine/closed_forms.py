@@ -1,4 +1,4 @@
-"""Closed forms of affine modes, made where a motion first enters them.
+"""Closed forms of affine modes, computed when a motion first enters them.
 
 Matrices of a mode (:mod:`.matrices`) become the table that :mod:`.flights` follow. A mode whose
 eigenvectors are nearly dependent, whose eigenvalues are not known well enough, or that is near

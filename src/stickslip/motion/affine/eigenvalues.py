@@ -1,4 +1,4 @@
-"""Eigenvalues and eigenvectors of small real matrices, in work space that is handed in.
+"""Eigenvalues and eigenvectors of small real matrices, in given work space.
 
 The matrix is balanced by powers of two, brought to Hessenberg's form by reflections and to real
 Schur form by Francis's double steps (Golub & Van Loan 2013, section 7.5); rotations of its 2 × 2

@@ -1,5 +1,4 @@
-"""Storage of the closed forms of affine modes, and the work space of the flights that follow
-them."""
+"""Storage of the closed forms of affine modes, and the work space of flights."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Sums of exponentials on long stretches: bounds, extremes, and integrals, without steps as short
-as the fastest of them.
+"""Sums of exponentials on long intervals: bounds, extremes, and integrals, without steps that
+resolve the fastest of them.
 
 A signal is what changes slowly, known at Gauss nodes, and Re Σⱼ zⱼ exp(λⱼx). On a window, what
 turns at most four radians is followed at nodes, where a polynomial is as exact as rounding; what is

@@ -1,5 +1,4 @@
-"""Gauss nodes on a piece: bounds of a function from its values there, and what it may do between
-them."""
+"""Gauss nodes on a piece: bounds of a function from its values there, and between them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""First fall of a signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ) below zero, found
-for certain.
+"""First zero crossing, from above, of a signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ
+exp(iωₘτ), which is never missed.
 
 A signal with one part in motion is searched between its extrema, which are known; any other window
 by window, as a polynomial. All functions return the first crossing from + to − in ]0, limit], or

@@ -1,4 +1,4 @@
-"""What kind of functions the rows of a tape are in one mode: proof that a mode is affine.
+"""Classification of the rows of a tape in one mode: proof that a mode is affine.
 
 Random probes cannot tell: a pulse may be zero at all of them. So the tape is followed once with,
 for every row, what it may depend on: nothing (then its value counts), time, the state, waves of

@@ -1,5 +1,4 @@
-"""What an audit adds up: work, gaps and violations, and the sizes against which these are
-measured.
+"""Sums and maxima of an audit: work, gaps and violations, and the sizes to which they are relative.
 
 No size vanishes where something sticks: a velocity is measured against the one that the forces
 alone would make.

@@ -1,4 +1,4 @@
-"""Whether what begins to slip, or to open, with a step could stick.
+"""Whether contacts that begin to slip or to open with a step could have continued to stick.
 
 Where the sliding force is below the threshold, or friction may come from any side, as in a plane,
 the law alone would let rest end at any time. The stated rule is that what can stick sticks. So what

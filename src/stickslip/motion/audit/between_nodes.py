@@ -1,4 +1,4 @@
-"""What the residual and the guards may do between the nodes of a piece.
+"""Bounds of the residual and the guards between the nodes of a piece.
 
 On a disc around the beginning of a piece [0, h] the residual r = p′ − f(p) and every guard differ
 from their first values by at most B (:mod:`stickslip.motion.discs`). A function that is

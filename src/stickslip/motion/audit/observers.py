@@ -1,5 +1,5 @@
-"""What a stretch of motion amounts to: extremes, time in stick, forces and work of its contacts,
-added up step by step in compiled code.
+"""Measures of a part of a motion: extremes, time in stick, forces and work of its contacts,
+accumulated step by step in compiled code.
 
 Extremes are those of the Taylor polynomials by which an audit follows the steps again
 (:mod:`.step_balance`), so that they lie where they lie, not at the nearest knot.

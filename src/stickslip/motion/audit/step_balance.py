@@ -1,4 +1,4 @@
-"""The audit of a motion: does it obey its law between the knots, too?
+"""The audit of a motion between its knots: energy balance, equations of motion, friction law.
 
 Each step is followed again from its first state by Taylor polynomials p, which are only candidates
 here. The equations and the law are evaluated for them at Gauss nodes, without series

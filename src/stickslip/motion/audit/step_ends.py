@@ -1,4 +1,4 @@
-"""The end of a step: where its pieces have arrived, and the jump, or the impact, that ends it."""
+"""The end of a step: the state reached by its pieces, and the jump or impact that ends it."""
 
 from __future__ import annotations
 

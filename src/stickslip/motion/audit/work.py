@@ -1,4 +1,4 @@
-"""The work of friction and of loads along a motion: between the times at which it is looked at."""
+"""The work of friction and of loads along a motion, between given times."""
 
 from __future__ import annotations
 

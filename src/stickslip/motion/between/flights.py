@@ -1,4 +1,4 @@
-"""States within long flights, by their closed forms: no step is taken to get there."""
+"""States within long flights, directly from their closed forms."""
 
 from __future__ import annotations
 

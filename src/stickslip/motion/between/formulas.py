@@ -1,5 +1,5 @@
-"""Formulas of what a motion shows, at times within its steps: outputs, and what else is asked of
-results by a formula."""
+"""Formulas of the quantities of a motion at times within its steps: outputs, and formulas in
+arguments."""
 
 from __future__ import annotations
 

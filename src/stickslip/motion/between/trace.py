@@ -1,4 +1,4 @@
-"""A motion for the eye: quantities at very many times, straight from the series of the steps.
+"""Quantities of a motion at very many times for plots, directly from the series of the steps.
 
 :mod:`stickslip.motion.between.dense` solves for all forces anew at every time; here their series
 are evaluated, which takes a tenth of the time.

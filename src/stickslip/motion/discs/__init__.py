@@ -1,2 +1,2 @@
-"""How far the rows of a tape stray while the state follows a polynomial, compiled: what a step can
-hide."""
+"""Bounds, on complex discs, of the rows of a tape along a polynomial of the state, compiled:
+features that a step may miss."""

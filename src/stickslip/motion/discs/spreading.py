@@ -1,4 +1,4 @@
-"""How far the rows of a tape stray while the state follows a polynomial: arithmetic of discs.
+"""Bounds of the rows of a tape along a polynomial of the state, by circular complex arithmetic.
 
 A Taylor polynomial of a function that underflows at the beginning of a step does not describe the
 rest of the step. The tape that makes the series can bound the functions themselves. For every row w

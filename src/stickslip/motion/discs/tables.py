@@ -1,5 +1,4 @@
-"""What the arithmetic of discs keeps of the rows of a tape, and how a row is read and kept, in
-compiled code."""
+"""Storage of discs for the rows of a tape, in compiled code."""
 
 from __future__ import annotations
 

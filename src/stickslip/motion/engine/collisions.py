@@ -1,4 +1,4 @@
-"""Which impulses an impact has.
+"""The impulses of an impact.
 
 Two laws are known. *Together*: the law of :mod:`stickslip.motion.admissible.impacts_law` for all
 contacts that are closed or closing at once. *In turn*: of the contacts that approach, the one whose

@@ -1,4 +1,4 @@
-"""What happens at an event: a switch changes its state, the state jumps, what closes collides.
+"""Events: changes of mode, jumps of the state, and collisions.
 
 The clock, the counters and the record of a motion are written here, too.
 """

@@ -1,4 +1,4 @@
-"""Impacts as a motion meets them: what approaches, what unit impulses do, when bouncing ends.
+"""Impacts during a motion: approaching contacts, responses to unit impulses, the end of bouncing.
 
 The law that impulses obey is in :mod:`stickslip.motion.admissible.impacts_law`.
 """

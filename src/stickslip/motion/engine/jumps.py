@@ -1,4 +1,4 @@
-"""Declared jumps of the state: which one fires where a kink is crossed, and where it leads."""
+"""Declared jumps of the state: the jump that fires when a kink is crossed, and the new state."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Which mode a motion takes, compiled: guards, the Taylor series of a mode, and pivoting."""
+"""The choice of the mode, compiled: guards, the Taylor series of a mode, and pivoting."""

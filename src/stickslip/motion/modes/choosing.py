@@ -1,4 +1,4 @@
-"""Which mode the motion takes.
+"""The choice of the mode that continues a motion.
 
 One rule decides every mode, at the start, at an event and at a corner where several contacts stand
 on their boundary: **a mode is right if all its guards are nonnegative for a short while**, that is,

@@ -1,4 +1,4 @@
-"""Guards along a Taylor step: which are violated at once, and which of the others fires first."""
+"""Guards along a Taylor step: those violated immediately, and the first of the others to fire."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Taylor series of the motion in a given mode, and the step that it is good for."""
+"""The Taylor series of the motion in a given mode, and its step size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How pivoting changes a mode that is not right.
+"""Pivoting: the correction of an inadmissible mode.
 
 Switches of violated guards are flipped, those of different components together; contacts whose
 forces are not unique are carried by others at their thresholds; kinks are put onto the sides where

@@ -1,4 +1,4 @@
-"""Rest where normal forces are not unique: it lasts as long as some admissible forces hold it.
+"""Rest with normal forces that are not unique: it lasts as long as admissible forces exist.
 
 Of a body on more feet than it has freedoms, rest does not tell how its weight is shared, and
 friction depends on that. A mode is one way to share it, and pivoting that leaves one may come to a

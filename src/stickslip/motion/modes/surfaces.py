@@ -1,4 +1,5 @@
-"""The constraints of a mode: what sticks has the velocity of its surface, what is closed no gap.
+"""The constraints of a mode: sticking contacts have the velocity of their surface, closed contacts
+no gap.
 
 States are put back onto them here; what is away from them by more than rounding errors, and more
 than a step makes of it, slips or is open.

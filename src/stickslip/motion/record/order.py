@@ -1,4 +1,4 @@
-"""The order in which a motion is followed to times that are asked for."""
+"""The order in which a motion is followed to requested times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion between its knots: its steps are computed again, up to the times that are asked for."""
+"""A motion between its knots: steps are recomputed up to the requested times."""
 
 from __future__ import annotations
 

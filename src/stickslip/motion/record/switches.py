@@ -1,4 +1,4 @@
-"""The switches of a motion: the modes of its contacts at every knot, and what changes there."""
+"""The switches of a motion: the modes of its contacts at every knot, and their changes."""
 
 from __future__ import annotations
 

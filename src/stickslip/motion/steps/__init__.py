@@ -1,2 +1,1 @@
-"""One step of a motion, compiled: what functions hand each other, what a step can hide, how long it
-may be."""
+"""One step of a motion, compiled: the data of functions, the step size, series, roots."""

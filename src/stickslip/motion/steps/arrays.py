@@ -1,5 +1,4 @@
-"""What the compiled functions pass to each other: layouts, constants and work space as named tuples
-of arrays."""
+"""Data of the compiled functions: layouts, constants and work space as named tuples of arrays."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The slip of a face that begins: with three components of its velocity, one force for each
-direction.
+"""The onset of slip of a face, with three components of velocity and one force for each direction.
 
 As in :mod:`stickslip.motion.steps.starting`, (Au)₁ = b − k D ∇R(n) = ρ n says where it goes, with
 Delassus' matrix D and the rate b without friction, both of which four probes tell. The velocity w =

@@ -1,4 +1,5 @@
-"""Slips in a plane that begin together: contacts of one body, whose velocities are not independent.
+"""Slips in a plane that begin simultaneously: contacts of one body, whose velocities are not
+independent.
 
 Their velocities are Au = tᵖ β(t) Z V(t), with an orthonormal basis Z of what the body can do, V =
 v₀ + v₁ t + …, |v₀| = 1, vₖ across v₀, and a number β for its speed. All directions n are functions

@@ -1,4 +1,4 @@
-"""Polynomials that obey the equations at the nodes of Radau, by Newton's method.
+"""Radau collocation: polynomials that satisfy the equations at the nodes, by Newton's method.
 
 Radau IIA with s stages: D (Y − y) = H f(Y) for the states Y at the nodes in ]0, H], where D is the
 matrix of differentiation of polynomials that vanish at 0. The values of all rows at the nodes

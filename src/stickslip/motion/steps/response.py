@@ -1,4 +1,4 @@
-"""How the relative velocities of contacts in a plane answer to the directions in which they slip.
+"""The response of the relative velocities of contacts in a plane to their directions of slip.
 
 Slips that begin are at rest: their directions n are no function of the state, and rates are. What
 directions make of the rate of Au is found by probes, series with directions that are given. It is

@@ -1,4 +1,4 @@
-"""First sign change of a polynomial on [0, 1], found for certain.
+"""First sign change of a polynomial on [0, 1], which is never missed.
 
 The polynomial is written in the Bernstein basis: if its coefficients have no sign change it has no
 root, if they have exactly one it has exactly one; otherwise the interval is halved (de Casteljau).

@@ -1,4 +1,4 @@
-"""Contacts as blocks: directions, the sizes of what is said of these, and sets of forces.
+"""Contacts as blocks of directions, with the sizes of their quantities, and sets of forces.
 
 A contact is a block of directions: one along a line, two in a plane, three of a face. It is named
 by the first of them, and what is asked of a contact is asked of that; `Rows.contacts` lists these,

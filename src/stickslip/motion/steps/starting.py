@@ -1,4 +1,4 @@
-"""Taylor coefficients of a motion; in a plane, also where a slip begins.
+"""Taylor coefficients of a motion, including the onset of slip in a plane.
 
 In slip the friction force is −k A n, n the direction of Au. Where |u| = 0 that is no function of
 the state: n follows from what u does next, Au = tᵖ w(t) with w = ρ n. Order by order, the rate of u

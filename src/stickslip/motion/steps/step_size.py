@@ -1,4 +1,4 @@
-"""How long a Taylor step may be.
+"""The size of a Taylor step.
 
 Two conditions: the last terms of the series are small, and nothing is hidden in the terms that were
 left out. The first sees what the series shows; the second bounds what it cannot show

@@ -1,4 +1,4 @@
-"""Stiff motion: where series are short because something decays, not because the motion changes.
+"""Detection of stiff motion: the step size is limited by decaying components, not by the motion.
 
 A series stands for all motions nearby. If one of them decays within the time 1/Λ, the series is
 good for about 10/Λ, however slowly the motion itself goes on. There a polynomial of degree s takes

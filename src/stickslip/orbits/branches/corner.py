@@ -1,5 +1,5 @@
-"""Corners of a branch of cycles: at a change of the sequence the branch may go on in quite another
-direction.
+"""Corners of a branch of cycles: the direction of the branch may change at a change of the mode
+sequence.
 
 Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at
 an angle that no short step bridges; the branch may even turn back (a fold that is not smooth). The

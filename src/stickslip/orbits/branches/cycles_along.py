@@ -1,4 +1,4 @@
-"""The cycles along a curve: how far neighbours are apart, their certificate, and their table."""
+"""The cycles along a curve: distances of neighbours, their certificate, and their table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equilibria along a branch: its points with what was found there, and their table."""
+"""The equilibria along a branch: its points with their properties, and their table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cycles of half of another one's period.
+"""Cycles with half the period of another cycle.
 
 A cycle becomes one of half its period at the other end of a branch that begins in a period
 doubling.

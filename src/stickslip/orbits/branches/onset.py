@@ -1,4 +1,4 @@
-"""How far a cycle is from the onset of stick: a function that changes its sign where a contact
+"""The distance of a cycle from the onset of stick: a function that changes its sign where a contact
 begins to stick.
 
 There are two ways. A contact that slips one way all the time slows down until its speed **touches**

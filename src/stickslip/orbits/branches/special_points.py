@@ -1,5 +1,5 @@
-"""What happens on a branch of cycles: where the sequence of modes changes, and how well special
-points are located."""
+"""Special points of a branch of cycles: changes of the sequence of modes, and residuals of the
+defining equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Zeros of a function of one parameter by bracketing: nothing is divided by what might vanish.
+"""Zeros of a function of one parameter by bracketing, without division by numbers that may vanish.
 
 Reference: T. R. Chandrupatla, *A new hybrid quadratic/bisection algorithm for finding the zero of a
 nonlinear function without using derivatives*, Advances in Engineering Software 28 (1997) 145-149.

@@ -1,4 +1,4 @@
-"""One driver of branches: stretch after stretch, both ways, whatever is followed.
+"""The driver of all branches: piece by piece, in both directions, for any kind of solution.
 
 A branch of equilibria is followed mode by mode, one of cycles in coordinates about one of them that
 are renewed every few points. Each such stretch is a :class:`CurveProblem`, which

@@ -1,4 +1,4 @@
-"""What a curve is: its points, where it ends and why, and how it is followed."""
+"""The interface of a curve: its points, its ends and their reasons, and its step control."""
 
 from __future__ import annotations
 

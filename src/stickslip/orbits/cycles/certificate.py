@@ -1,4 +1,4 @@
-"""What is measured of a cycle before it is called one.
+"""The certificate of a cycle.
 
 The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry
 comes back as it was, what sticks forgets how it came there; and neighbours that are really followed

@@ -1,4 +1,4 @@
-"""Phases relative to what drives a system.
+"""Phases relative to the drive of a system.
 
 With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
 x lags behind.

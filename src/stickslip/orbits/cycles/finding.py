@@ -1,4 +1,5 @@
-"""From a state, a motion or another cycle to the cycle that is near it, or that it settles on.
+"""From a state, a motion or another cycle to the nearby cycle, or to the cycle to which the motion
+converges.
 
 A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as every point of a
 map is; Newton's method then closes the cycle. That it rests is said where it is proved. What is

@@ -1,4 +1,4 @@
-"""The cycles that are born at a Hopf point.
+"""The cycles that emanate from a Hopf point.
 
 On the centre manifold the cycle of amplitude ε is y + 2ε Re(q e^{iωt}) up to O(ε²), at a parameter
 O(ε²) from the Hopf point. So the amplitude is given and the parameter found; cycles further out

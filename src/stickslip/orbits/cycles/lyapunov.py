@@ -1,5 +1,4 @@
-"""How fast neighbours of a motion part: the largest Lyapunov exponent, along a motion that does not
-repeat itself."""
+"""The largest Lyapunov exponent of a motion that does not repeat itself."""
 
 from __future__ import annotations
 

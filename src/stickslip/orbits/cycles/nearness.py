@@ -1,5 +1,5 @@
-"""How near states are to an attractor: an equilibrium or a cycle, up to what leaves the system
-unchanged."""
+"""The distance of states from an attractor, an equilibrium or a cycle, up to symmetries of the
+system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What quantities amount to over a period: extremes, first harmonics, means.
+"""Measures of quantities over a period: extremes, first harmonics, means.
 
 Quantities that are linear in the state with constant coefficients, as unknowns of structures are,
 follow from the state alone: their harmonics are sums of those of the state, and where inertial

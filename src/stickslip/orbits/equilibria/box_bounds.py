@@ -1,5 +1,5 @@
-"""Bounds of conditions on boxes that may have no end: enclosures, periods, and the terms that
-matter far out."""
+"""Bounds of conditions on boxes that may be unbounded: enclosures, periods, and dominant terms at
+infinity."""
 
 from __future__ import annotations
 

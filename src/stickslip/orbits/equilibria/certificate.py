@@ -1,4 +1,4 @@
-"""What is measured of an equilibrium before it is called one.
+"""The certificate of an equilibrium.
 
 It solves the equations, it lies inside its mode and region, and its eigenvalues are known to a
 bound: those of the exact Jacobian are within it of those that were computed, by the theorems of

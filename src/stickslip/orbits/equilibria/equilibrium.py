@@ -1,4 +1,4 @@
-"""What an equilibrium is: a state of rest or of steady sliding, or a set of them, as data."""
+"""Equilibria as data: states of rest or of steady sliding, and sets of them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Least and largest values over the components of a set: boxes are divided and shrunk to where the
-mean value theorem leaves room for the set.
+"""Least and largest values over the components of a set: boxes are divided, and shrunk by the mean
+value theorem.
 
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """

@@ -1,4 +1,4 @@
-"""Normal forms on the centre manifold: which way an equilibrium loses its stability.
+"""Normal forms on the centre manifold, which determine how an equilibrium loses its stability.
 
 References
 ----------

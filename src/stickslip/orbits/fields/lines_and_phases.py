@@ -1,4 +1,4 @@
-"""Which shifts of time and state leave formulas unchanged, read off the formulas.
+"""Shifts of time and state that leave formulas unchanged, from the structure of the formulas.
 
 Time and state stand in them in *phases*, the arguments of what repeats, and in *lines*, evenly and
 outside of anything that repeats:

@@ -1,5 +1,4 @@
-"""Where friction holds rate-independent coordinates: the stable set |∂Φ| ≤ s, and the way into
-it."""
+"""The stable set |∂Φ| ≤ s of rate-independent coordinates, and the projection onto it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What leaves a system unchanged: shifts of the state, of any size or in steps; shifts of time, and
-moving frames.
+"""Symmetries of a system: continuous and discrete shifts of the state, shifts of time, and moving
+frames.
 
 A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt
 is unchanged if time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the

@@ -1,1 +1,1 @@
-"""The return map: where a motion comes back to, how it closes, its multipliers."""
+"""The return map: returns of a motion, closing conditions, multipliers."""

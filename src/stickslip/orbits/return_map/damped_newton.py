@@ -1,4 +1,4 @@
-"""From a near miss to a cycle: damped Newton, and where the stations stand."""
+"""The damped Newton method for cycles, and the placement of its stations."""
 
 from __future__ import annotations
 

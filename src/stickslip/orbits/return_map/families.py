@@ -1,5 +1,5 @@
-"""Cycles that come in families: the state can be moved and the motion still closes, although
-nothing is translated.
+"""Continuous families of cycles: shifted states on which the motion still closes, without a
+translation symmetry.
 
 Every amplitude is a cycle where nothing is damped; the forced oscillator with dry friction has a
 continuum of asymmetric cycles where the drive has an even part of its own frequency (G. Csernák, G.

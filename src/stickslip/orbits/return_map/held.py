@@ -1,4 +1,4 @@
-"""Positions in which contacts rest that stick all through a cycle.
+"""Positions of contacts that stick throughout a cycle.
 
 Such a contact comes back to where it was by itself. There is a cycle for every position in which
 the thresholds hold it all the time, and the one that belongs to a given position is meant. Where a

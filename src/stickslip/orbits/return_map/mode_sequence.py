@@ -1,5 +1,5 @@
-"""How near a cycle is to another sequence of modes: what it nearly touches, and phases that nearly
-vanish.
+"""The distance of a cycle from a change of its mode sequence: guards that are nearly touched, and
+phases that nearly vanish.
 
 Along a branch a guard comes down to zero somewhere inside a phase, or a phase becomes shorter and
 shorter, or a contact that slips back and forth is about to stick in between. Where the least of

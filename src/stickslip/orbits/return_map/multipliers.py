@@ -1,5 +1,4 @@
-"""Floquet multipliers of a cycle, with what is known of them: those that are 1 by symmetry, and
-those that are 0."""
+"""Floquet multipliers of a cycle, including those that are exactly 1 by symmetry, or 0."""
 
 from __future__ import annotations
 

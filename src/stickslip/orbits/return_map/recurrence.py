@@ -1,4 +1,4 @@
-"""Where a motion comes back to: the first guess of a cycle."""
+"""Returns of a motion: the first guess of a cycle."""
 
 from __future__ import annotations
 

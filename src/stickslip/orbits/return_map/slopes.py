@@ -1,4 +1,4 @@
-"""How a cycle changes with a parameter.
+"""The derivative of a cycle with respect to a parameter.
 
 The cycle solves F(x, p) = 0 (:mod:`.shooting`), so dx/dp = −F_x⁻¹ F_p with the exact derivatives
 that Newton's method has.

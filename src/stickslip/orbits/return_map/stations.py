@@ -1,4 +1,5 @@
-"""Where the parts of a cycle begin, and coordinates that keep the constraints of the mode there."""
+"""The stations of multiple shooting, and coordinates that satisfy the constraints of their
+modes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""How the least and the largest value of a quantity over a period change with a parameter: as the
-quantity does where they are reached, since there it stands still, or there is a switch."""
+"""Derivatives of the smallest and the largest value of a quantity over a period: the derivative of
+the quantity at the time of the extremum, where its rate vanishes or a switch occurs."""
 
 from __future__ import annotations
 

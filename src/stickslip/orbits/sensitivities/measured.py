@@ -1,4 +1,4 @@
-"""Derivatives of what is measured of a cycle, with respect to parameters.
+"""Derivatives of the measures of a cycle with respect to parameters.
 
 An integral over a period, I = ∫ g dt, changes by ∫ (∇g·δy + g_p) dt, by g at the end times the
 change of the period, and at an event that comes δt later by (g⁻ − g⁺) δt. What is dissipated is

@@ -1,5 +1,5 @@
-"""Where a motion nearly has other events: guards that are touched without being crossed, and
-contacts that slip back where they could as well stick.
+"""Guards that a motion touches without crossing them, and contacts that reverse their slip where
+they could also stick.
 
 There it has no derivative: half of its neighbours meet an event that it does not have. Guards are
 looked at as finely as linear motions are resolved, at the Gauss nodes of each part.

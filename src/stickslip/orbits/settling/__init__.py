@@ -1,1 +1,1 @@
-"""When a motion has settled, on what, and what a period of that amounts to."""
+"""Convergence of motions to attractors, and measures of these."""

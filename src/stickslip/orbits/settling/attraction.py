@@ -1,5 +1,5 @@
-"""That motions come by themselves to the cycles that they were carried on to: the compiled proof,
-and the fields that it needs."""
+"""Proof that motions converge to the cycles found by extrapolation: the compiled proof, and its
+fields."""
 
 from __future__ import annotations
 

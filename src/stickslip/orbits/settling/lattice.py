@@ -1,4 +1,4 @@
-"""Translations, and periods, frames and cells of motions over what repeats in space.
+"""Translations, and periods, frames and cells of motions over periodic landscapes.
 
 The drives of a system stand in what is compiled, with their frequencies. What repeats in space is a
 drive only in the frame that goes with the motion, at a frequency that depends on how fast that is;

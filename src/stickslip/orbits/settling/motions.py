@@ -1,5 +1,5 @@
-"""Motions side by side, each followed until it has settled and then measured: compiled loops, and
-the host that proves what is said of motions without further events.
+"""Many motions, each followed until it has settled and then measured: compiled loops, and proofs on
+the host for motions without further events.
 
 A map is many of these motions, a basin many that share their parameters, the search for a cycle
 one.

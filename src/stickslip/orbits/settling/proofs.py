@@ -1,5 +1,4 @@
-"""What becomes of motions without further events: proofs, on the host, for all motions that ask at
-a time.
+"""Proofs about motions without further events, on the host, for many motions at once.
 
 *In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that
 is excited grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever:

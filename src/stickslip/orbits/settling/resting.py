@@ -1,4 +1,4 @@
-"""Proof that a motion near an equilibrium of its mode stays there for ever.
+"""Proof that a motion near an equilibrium of its mode stays there forever.
 
 In the norm of the eigenvectors its distance shrinks, and no guard comes down to 0 within that
 distance. What the eigenvectors say holds as far as the Jacobian is nearly the same there, which is

@@ -1,4 +1,4 @@
-"""What one motion settles on: its state and its period, or why it settles on no cycle."""
+"""The limit cycle of one motion: its state and period, or the reason why there is none."""
 
 from __future__ import annotations
 

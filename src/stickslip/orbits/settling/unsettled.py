@@ -1,4 +1,4 @@
-"""What can be said of a motion that has not settled before its limits: whether it is slow.
+"""Motions that have not settled before their limits: whether they are slow.
 
 Its marks are compared over the lag after which they come back most closely. A motion is slow if
 these returns go on along a straight line, as those to a cycle with a multiplier near 1 do, or if

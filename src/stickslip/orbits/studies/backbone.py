@@ -1,4 +1,4 @@
-"""Backbones: frequency and damping of a mode over its amplitude, with dry friction as it is.
+"""Backbones: frequency and damping of a mode over its amplitude, with exact dry friction.
 
 A motion that dies out has no period. The extended periodic motion concept looks at the system that
 is excited by itself in proportion to its mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and asks for the ξ

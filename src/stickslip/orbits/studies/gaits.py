@@ -1,5 +1,4 @@
-"""Studies of gaits: how fast a system walks over a parameter, from where on it walks, and from
-where on it slides."""
+"""Studies of gaits: the speed over a parameter, and the thresholds of walking and of sliding."""
 
 from __future__ import annotations
 

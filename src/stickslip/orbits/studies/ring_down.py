@@ -1,4 +1,4 @@
-"""Ring-downs: how a free vibration decays, half-cycle by half-cycle.
+"""Ring-downs: the decay of a free vibration, half-cycle by half-cycle.
 
 A half-cycle is the motion from one turning point of a coordinate, or an output, to the next. With
 its positions x₀, x₁, ... and times t₀, t₁, ... there, half-cycle k has the amplitude

@@ -1,4 +1,4 @@
-"""A system without its drives, excited by itself in proportion to its mass, and its linear modes.
+"""A system without drives, with self-excitation proportional to mass, and its linear modes.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""All phases of a potential as a tree of stretches, refined where a force asks for it."""
+"""A cover of all phases of a potential by a tree of intervals, refined as a force requires."""
 
 from __future__ import annotations
 

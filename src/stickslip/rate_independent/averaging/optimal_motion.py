@@ -1,5 +1,4 @@
-"""Motions that cost what friction costs on average: which part of a displacement is made at which
-phase."""
+"""Motions of minimum cost: which part of a displacement is made at which phase."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The last digits of a semi-infinite program: Newton's method for a force, what holds it, and
-when."""
+"""Refinement of the solution of a semi-infinite program by Newton's method for a force, its active
+constraints, and their phases."""
 
 from __future__ import annotations
 

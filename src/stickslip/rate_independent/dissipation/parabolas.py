@@ -1,4 +1,4 @@
-"""Symmetric matrices of the phase that touch 0: bounds of second order around a phase.
+"""Symmetric matrices of the phase that become singular: bounds of second order around a phase.
 
 Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue
 is like a parabola, and no chord shows that it does not fall below 0, however short. From S(c),

@@ -1,4 +1,4 @@
-"""Formulas that are potentials of the other kinds: these have closed forms."""
+"""Recognition of formulas that are potentials of other kinds, which have closed forms."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Evolutions in Rⁿ: what they are, how they step, what comes of them."""
+"""Evolutions in Rⁿ: declaration, time stepping, results."""

@@ -1,4 +1,4 @@
-"""What happens between the ends of steps: how far a force may leave the stable set there.
+"""Bounds between the ends of steps: how far a force may leave the stable set.
 
 Between the ends, z is affine; load and thresholds are on stretches of time as far from straight
 lines as their formulas allow. Where that does not show that the force stays inside, the stretch is

@@ -1,4 +1,4 @@
-"""Motions that pass by block after block, and what is measured of them while they do."""
+"""Motions computed block by block, and their measures."""
 
 from __future__ import annotations
 

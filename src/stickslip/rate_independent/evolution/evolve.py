@@ -1,4 +1,4 @@
-"""From an evolution and times to its history."""
+"""The function ``evolve``: from an evolution and times to its history."""
 
 from __future__ import annotations
 

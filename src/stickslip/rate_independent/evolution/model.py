@@ -1,4 +1,4 @@
-"""A rate-independent evolution as texts and numbers, as a model file declares it."""
+"""The declaration of a rate-independent evolution by formulas and numbers, as in a model file."""
 
 from __future__ import annotations
 

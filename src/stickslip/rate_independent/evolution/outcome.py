@@ -1,4 +1,4 @@
-"""How an evolution ended."""
+"""Outcomes of evolutions."""
 
 from __future__ import annotations
 

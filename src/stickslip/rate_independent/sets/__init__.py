@@ -1,2 +1,1 @@
-"""Convex sets that depend on a phase: what can be asked of them, at one phase, at many, and
-between."""
+"""Convex sets that depend on a phase: their interface at one phase, at many, and between."""

@@ -1,5 +1,5 @@
-"""Nearest points of a convex set whose support function is a formula: Newton's method for what is
-normal to the set there.
+"""Nearest points of a convex set whose support function is a formula: Newton's method for the
+normal.
 
 With v = M(ξ − y) the point y of K nearest to ξ in a metric M belongs to the least ½⟨v, M⁻¹v⟩ + R(v)
 − ⟨ξ, v⟩, a strictly convex function. Where R is smooth at its minimum, damped Newton steps find it,

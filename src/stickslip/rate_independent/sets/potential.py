@@ -1,4 +1,4 @@
-"""What every dissipation potential can be asked."""
+"""The interface of dissipation potentials."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Stable sets K(s) at many phases at once: what a step and its audit ask of a dissipation
-potential, row by row.
+"""Stable sets K(s) at many phases: the interface for steps and their audit, row by row.
 
 Row k of every array belongs to phase k. Boxes and discs are plain arrays, so that a million
 components or a hundred thousand steps cost a few passes over memory; every other potential is asked

@@ -1,5 +1,4 @@
-"""Dissipation potentials at many phases, and on stretches between phases: data of both as rows of
-arrays."""
+"""Dissipation potentials at many phases, and on intervals of phases, as rows of arrays."""
 
 from __future__ import annotations
 

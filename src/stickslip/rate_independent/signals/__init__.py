@@ -1,1 +1,1 @@
-"""Signals: what a user gives as a function of time or phase, read once, asked in one way."""
+"""Signals: functions of time or phase from the user, with a common interface."""

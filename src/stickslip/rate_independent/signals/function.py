@@ -1,4 +1,4 @@
-"""Signals that are functions of Python: known where they are asked for."""
+"""Signals that are Python functions, which can only be evaluated at given points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One reader of loads, thresholds, radii and matrices, whatever they are given as."""
+"""Reading of loads, thresholds, radii and matrices in all accepted forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signals that are samples, with what these mean in between."""
+"""Signals given by samples, with interpolation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums of measured signals and a formula: what a load is that uses measured drives."""
+"""Sums of measured signals and a formula: loads that use measured drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which solver makes the steps of which problem."""
+"""The choice of the solver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a matrix, dense or sparse, is symmetric and positive definite."""
+"""Checks that a matrix, dense or sparse, is symmetric and positive definite."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a map is asked for: axes and measures."""
+"""Requests of maps: axes, records, measures, carried states."""

@@ -1,4 +1,4 @@
-"""Axes of a parameter map: what varies, over which values, in which spacing.
+"""Axes of a parameter map: names, values, spacing.
 
 An axis is a table: one column of values for each name that it moves. A grid axis, a list,
 parameters tied together and a random sample differ only in how the table was made. Texts declare

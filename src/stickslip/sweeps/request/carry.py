@@ -1,4 +1,4 @@
-"""Which axis of a map carries the state, and in which direction."""
+"""Carried states: the axis of a map and the direction."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Measures of what is seen only in the motion of a period itself: harmonics, energy per distance,
-and all that is measured of outputs and formulas."""
+"""Measures that require the motion of a period: harmonics, energy per distance, and all measures of
+outputs and formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a map is a map of: two maps with equal plans hold the same numbers."""
+"""The plan of a map: maps with equal plans contain the same numbers."""
 
 from __future__ import annotations
 

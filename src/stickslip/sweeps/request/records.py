@@ -1,4 +1,4 @@
-"""Records that drive a system one after the other: an axis of a map.
+"""Records that drive a system, as an axis of a map.
 
 What is drawn over is how much the records are scaled, and what is asked is how many of them exceed
 a limit: an incremental dynamic analysis (D. Vamvatsikos, C. A. Cornell, *Earthq. Eng. Struct. Dyn.*

@@ -1,5 +1,4 @@
-"""What is measured at a point: named measures, formulas of them, and a user's own functions of the
-motion."""
+"""Measures of a map: named measures, formulas of them, and user-defined functions of the motion."""
 
 from __future__ import annotations
 

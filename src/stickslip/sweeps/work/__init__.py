@@ -1,1 +1,1 @@
-"""Who does the work of a map, chunk by chunk."""
+"""The execution of a map, chunk by chunk."""

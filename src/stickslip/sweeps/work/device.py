@@ -1,4 +1,4 @@
-"""The compiled loops of maps on a GPU, one motion a thread.
+"""The compiled loops of maps on a GPU, one motion per thread.
 
 What a motion has come to stays on the GPU until all are done.
 """

@@ -1,5 +1,5 @@
-"""What a motion hands on to the next one, with other parameters, as in an experiment: where it has
-come to, at the same phase of the drives."""
+"""The state that a motion passes on to the next one with other parameters, as in an experiment: its
+last state, at the same phase of the drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The work of one chunk, in whatever thread, process or machine it is done."""
+"""The computation of one chunk, in any thread, process or machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who does the work: threads, processes, or the workers of a Dask cluster.
+"""Schedulers: threads, processes, or the workers of a Dask cluster.
 
 All three are executors of :mod:`concurrent.futures`, and one loop serves them. What is computed at
 a point does not depend on who computes it, nor on what else is computed.

@@ -1,4 +1,4 @@
-"""Closed forms as candidates of an audit, and what the equations make of them."""
+"""Closed forms as candidates of an audit, and their residuals in the equations."""
 
 from __future__ import annotations
 

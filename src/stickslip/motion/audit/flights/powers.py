@@ -1,4 +1,4 @@
-"""What powers do in a flight in closed form: integrals of pairs of exponentials."""
+"""Work in a flight in closed form: integrals of products of two exponentials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a flight in closed form leaves of the equations of motion, bounded over all of it."""
+"""Residuals of the equations of motion for a flight in closed form, bounded over its whole
+duration."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A step of a first variation in compiled loops: collocation at Gauss nodes, or, where its Jacobian
-is the same at all states, the flow that this comes to."""
+"""A step of a first variation in compiled loops: collocation at Gauss nodes, or, if its Jacobian is
+constant, the equivalent flow."""
 
 from __future__ import annotations
 

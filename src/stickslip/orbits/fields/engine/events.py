@@ -1,5 +1,5 @@
-"""First variations at the events of a motion, in compiled loops: which guard has fired, and how
-they jump there."""
+"""First variations at the events of a motion, in compiled loops: which guard has fired, and the
+jump of the variation."""
 
 from __future__ import annotations
 

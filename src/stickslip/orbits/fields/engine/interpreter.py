@@ -1,5 +1,5 @@
-"""Expressions in numbers, interpreted: what a system's fields, guards and their derivatives are at
-some points, in compiled loops and without anything compiled for that system.
+"""An interpreter of expressions in compiled loops: fields, guards and their derivatives at given
+points, without code compiled for the system.
 
 The points of a block are looked at side by side, so that what an instruction costs to be read is
 paid once for all of them.

@@ -1,5 +1,5 @@
-"""How finely the steps of a motion are divided for its first variation, and where the nodes of
-these parts are, in compiled loops."""
+"""The subdivision of the steps of a motion for its first variation, and its nodes, in compiled
+loops."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What the compiled functions of first variations pass to each other: named tuples of arrays, and
-what they say of an event."""
+"""Data of the compiled functions of first variations: named tuples of arrays, and codes of
+events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a motion comes by itself to the cycle that its returns have led to by hand; in compiled
+"""Proof that a motion converges to the cycle found by extrapolation of its returns, in compiled
 code.
 
 At a station on the cycle, in the middle of its longest flight, let x* be the state, M the

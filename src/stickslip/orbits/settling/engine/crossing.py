@@ -1,5 +1,4 @@
-"""Motions without events in compiled code: they are looked at where they come back through a plane
-that is laid across them."""
+"""Motions without events in compiled code: their returns to a plane transverse to them."""
 
 from __future__ import annotations
 

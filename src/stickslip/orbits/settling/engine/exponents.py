@@ -1,4 +1,4 @@
-"""Largest Lyapunov exponents of what motions have settled on, in compiled code."""
+"""Largest Lyapunov exponents of motions, in compiled code."""
 
 from __future__ import annotations
 

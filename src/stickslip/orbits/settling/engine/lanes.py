@@ -1,4 +1,4 @@
-"""Single lanes in compiled code: the event loop for one of them, and copies of where it is."""
+"""Single lanes in compiled code: the event loop for one lane, and copies of its state."""
 
 from __future__ import annotations
 

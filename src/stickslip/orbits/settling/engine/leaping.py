@@ -1,5 +1,5 @@
-"""What a mark says of a motion, in compiled code: whether it is carried on by hand, and whether it
-has settled.
+"""Decisions at a mark of a motion, in compiled code: whether to extrapolate it, and whether it has
+settled.
 
 A motion whose returns go on as they have is carried on to where they lead, down to rounding. What
 it comes to is accepted as its cycle, or the motion is taken back to where it was, and goes on by

@@ -1,4 +1,4 @@
-"""The marks of a motion in compiled code: where the next one may be, and how it is put.
+"""The marks of a motion, in compiled code: the conditions for the next mark, and its record.
 
 The marks of a driven motion are the times t₀ + mP, those of any other are events, and, once the
 modes between these have been seen to repeat, only those after which they begin again.

@@ -1,4 +1,4 @@
-"""One period of what motions have settled on, recorded and measured in compiled code."""
+"""One period of the attractors of motions, recorded and measured in compiled code."""
 
 from __future__ import annotations
 

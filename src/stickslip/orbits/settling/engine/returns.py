@@ -1,5 +1,5 @@
-"""Returns of a motion to its marks: how close, after how many marks, and where they lead; in
-compiled code.
+"""Returns of a motion to its marks: their distance, their lag, and their extrapolation, in compiled
+code.
 
 A return is looked at over one *lag*, a number of marks: the one after which the most marks in a row
 have the same kinds, as long as such returns shrink; where they do not, the one that is nearly as

@@ -1,5 +1,5 @@
-"""What the compiled functions of maps pass to each other: named tuples of arrays, most with a row
-for every motion."""
+"""Data of the compiled functions of maps: named tuples of arrays, most with a row for every
+motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One motion a thread of a GPU: what each thread calls, with the work space that is its own."""
+"""One motion per thread of a GPU: the function of each thread, with its work space."""
 
 from __future__ import annotations
 
