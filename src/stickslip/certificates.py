@@ -211,6 +211,6 @@ def worst(certificates: Sequence[Certificate]) -> Certificate:
 
 
 def _strain(residual: Residual) -> float:
-    """How near a residual is to its limit; infinite for what is not a number."""
+    """The residual as a fraction of its limit; infinite for NaN."""
     value = residual.limit - residual.value if residual.least else residual.value - residual.limit
     return value if value == value else float("inf")

@@ -14,15 +14,15 @@ _MISSING: Any = object()
 
 
 class _Kept(dict[str, dict[Any, Any]]):
-    """What has been made of an object, by kind and by what else it depends on; copies of the object
-    begin with nothing."""
+    """Cached values of an object, by kind and by their other arguments; copies of the object have
+    an empty cache."""
 
     def __reduce__(self) -> tuple[type[_Kept], tuple[()]]:
         return _Kept, ()
 
 
 def kept(owner: object, kind: str) -> dict[Any, Any]:
-    """What has been made of an object so far.
+    """Values cached with an object so far.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def kept(owner: object, kind: str) -> dict[Any, Any]:
 def made_once(
     owner: object, kind: str, make: Callable[[], T], key: Any = None, most: int | None = None
 ) -> T:
-    """What is made of an object, now or earlier.
+    """A value computed from an object, now or earlier.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def in_few(data: xarray.Dataset) -> xarray.Dataset:
 
 
 def in_all(data: xarray.Dataset) -> xarray.Dataset:
-    """What was packed."""
+    """The packed variables."""
     places = [name for name in data.data_vars if _OWN in data.variables[name].attrs]
     if not places:
         return data

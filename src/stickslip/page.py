@@ -29,7 +29,7 @@ def text(content: str) -> Html:
 
 
 def headline(title: str, source: str = "") -> Html:
-    """What something is, and where it comes from."""
+    """Title and source."""
     return Html(f"<p><b>{text(title)}</b>{text(f' ({source})' if source else '')}</p>")
 
 

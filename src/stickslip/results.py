@@ -33,7 +33,8 @@ _SHOWN = 12  # of many rows or numbers on a page; all are in the data
 
 
 class Ended(Enum):
-    """How a computation ended: a number for files, a label, and what it means and what to do.
+    """Outcome of a computation: a code for files, a label, and a message with explanation and
+    remedy.
 
     The base of the outcomes of all kinds of results, each of which names its own.
     """
@@ -63,7 +64,7 @@ class Ended(Enum):
 
 
 class Completion(Ended):
-    """How a computation ended that consists of many, such as a map or a branch."""
+    """Outcome of a computation that consists of many, such as a map or a branch."""
 
     FINISHED = (0, "finished", "The computation is complete")
     INTERRUPTED = (1, "interrupted", "Stopped by the user; the results so far are kept")
@@ -120,7 +121,7 @@ class Summary:
 
 
 class Described(Protocol):
-    """What each kind of result implements."""
+    """The interface of results."""
 
     @property
     def title(self) -> str:
@@ -139,7 +140,7 @@ class Described(Protocol):
 
     @property
     def outcome(self) -> Ended:
-        """How the computation ended."""
+        """Outcome of the computation."""
         ...
 
     @property
@@ -167,7 +168,7 @@ class Described(Protocol):
 
 @dataclass(frozen=True)
 class Part:
-    """How a field of a result, or several together, are written into a file and read again.
+    """Conversion of one or several fields of a result to and from a file.
 
     Attributes
     ----------

@@ -167,7 +167,7 @@ def _whole(path: str | Path) -> Path:
 
 @validated
 def kind_of(path: str | Path, known: Container[str]) -> str:
-    """What kind of result a file holds; a folder is the store of a map.
+    """Kind of the result in a file; a folder is the store of a map.
 
     Raises
     ------

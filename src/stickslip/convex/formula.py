@@ -30,7 +30,7 @@ _DEGREE_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Kink:
-    """Where a formula may have no derivative: where some expressions are all zero.
+    """A set where a formula may have no derivative: some expressions are all zero.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class ConvexFormula:
 
     @cached_property
     def kinks(self) -> tuple[Kink, ...]:
-        """Where R may have no derivative, besides v = 0."""
+        """Sets, other than v = 0, where R may have no derivative."""
         names = frozenset(self.names)
         found: dict[Expr, Kink] = {}
         for e in ex.walk([self.value]):
@@ -217,7 +217,7 @@ def _normals(value: Expr, names: tuple[str, ...]) -> Array:
 
 
 def _zeros(base: Expr, names: tuple[str, ...]) -> list[Expr]:
-    """What is zero where a sum of powers, or of squares, is; nothing if that is not seen."""
+    """Expressions that vanish where a sum of powers or squares does; empty if unknown."""
     terms = base.terms if base.op == "sum" else ((base, 1.0),)
     if base.op != "sum" or all(c > 0.0 and _powers(term, names) for term, c in terms):
         found: list[Expr] = []
@@ -232,7 +232,8 @@ def _zeros(base: Expr, names: tuple[str, ...]) -> list[Expr]:
 
 
 def _powers(term: Expr, names: tuple[str, ...]) -> list[Expr]:
-    """What is zero where a term is: of even powers, roots and absolute values, what they are of."""
+    """Expressions that vanish where a term does: the arguments of even powers, roots and absolute
+    values."""
     if term.op == "select":
         return [term.args[0]]
     if term.op != "prod":

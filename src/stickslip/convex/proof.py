@@ -89,7 +89,7 @@ class Proof:
 
 
 def on_side(expression: Expr, guard: Expr, side: int) -> Expr:
-    """What an expression is where a guard has a sign, 1 or −1."""
+    """The branch of an expression for a sign of a guard, 1 or −1."""
     return ex.rewrite(
         expression,
         lambda e: e.args[1 if side > 0 else 2] if e.op == "select" and e.args[0] is guard else None,

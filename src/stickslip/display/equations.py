@@ -86,7 +86,7 @@ class Leap:
 
 
 class Equations:
-    """What a system declares and the equations that follow from it, to be read.
+    """The declaration of a system and its equations, in readable form.
 
     ``str()`` gives Unicode text at most 100 columns wide, :meth:`latex` the equations for a paper;
     a notebook shows the equations and the table of parameters.
@@ -333,7 +333,7 @@ class Equations:
     # Text.
 
     def writer(self, kind: type[_W]) -> _W:
-        """What writes the formulas of this system in an alphabet."""
+        """Writer of the formulas of this system in a notation."""
         names = [*self.system.coordinates, *self.system.internal]
         names += {name.removeprefix("d_"): None for name in self._reader.unknowns}
         rates = {f"d_{x}": (x, 1) for x in names if f"d_{x}" not in self.system.internal}
@@ -354,7 +354,7 @@ class Equations:
         return Name(f"lamda_{key_of(name)}")
 
     def constraints(self) -> list[Relation]:
-        """What constraints hold at zero, and the moduli of their forces."""
+        """The functions that constraints hold at zero, and the moduli of their forces."""
         system = self.system
         found = list[Relation]()
         for name, sides in system.constraints.items():

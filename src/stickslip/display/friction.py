@@ -55,7 +55,7 @@ class Friction:
 
     @property
     def law(self) -> Hashable:
-        """What contacts share that obey the same law."""
+        """The common part of contacts with the same law."""
         return self.thresholds, self.sliding
 
     def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:
@@ -124,7 +124,7 @@ class PlaneFriction:
 
     @property
     def law(self) -> Hashable:
-        """What contacts share that obey the same law."""
+        """The common part of contacts with the same law."""
         return self.threshold, self.sliding, self.matrix, self.dissipation
 
     def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:

@@ -89,7 +89,7 @@ class UnicodeWriter:
         return self.brackets(text) if own < level else text
 
     def words(self, text: str) -> str:
-        """What is not a formula."""
+        """Text that is not a formula."""
         return text
 
     def join(self, terms: tuple[Node, ...]) -> str:

@@ -24,7 +24,7 @@ _INDENT = "margin:0.3em 0 0.3em 1.5em;overflow-x:auto"
 
 
 def system_page(system: System) -> str:
-    """What a system declares and the equations that follow from it."""
+    """The declaration of a system and its equations."""
     shown = _Page(Equations(system))
     return page.whole(page.headline(system.title or system.name, system.source), *shown.sections())
 

@@ -20,8 +20,8 @@ _MOST_COORDINATES = 200
 
 
 class Component(NamedTuple):
-    """What one inverse couples: numbers of coordinates (among those of their kind) and of contacts;
-    and whether its matrix changes on the way, so that it is inverted for each series."""
+    """A connected component, with one inverse: the numbers of its coordinates (among those of their
+    kind) and contacts; and whether its matrix varies, so that it is inverted for each series."""
 
     coordinates: list[int]
     contacts: list[int]

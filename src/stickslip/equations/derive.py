@@ -126,7 +126,7 @@ class MotionEquations:
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """What contacts were declared as: both components of one in a plane have one name, and
+        """Declared names of contacts: the components of a contact in a plane have one name, and
         sides of constraints none."""
         return tuple("" if c.side_of else c.name.removesuffix(f" {c.plane}") for c in self.contacts)
 
@@ -267,7 +267,7 @@ class MotionEquations:
         return self.contacts[i].plus ** 2 if constant else ex.ONE
 
     def surface_acceleration(self, i: int) -> Expr:
-        """What J a is in stick: ẇ − J̇ q̇."""
+        """The value of J a in stick: ẇ − J̇ q̇."""
         c = self.contacts[i]
         rates = {"t": ex.ONE, **{q: ex.sym(f"d_{q}") for q in self.declaration.inertial}}
         turning = [(ex.along(j, rates), ex.sym(f"d_{x}")) for x, j in c.direction.items()]
@@ -275,8 +275,8 @@ class MotionEquations:
         return ex.add((ex.along(c.speed, rates), 1.0), *carried)
 
     def acting(self, zero: frozenset[str]) -> list[bool]:
-        """Which frequencies are felt where some parameters are zero: the amplitude of a drive may
-        be one of them."""
+        """Frequencies that affect the system if some parameters are zero, such as the amplitude of
+        a drive."""
         numbers = dict.fromkeys(zero, ex.ZERO)
         try:
             waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
@@ -415,8 +415,8 @@ def _sum_of(own: Sequence[DryContact]) -> DryContact:
 
 
 def _share(c: DryContact, own: Sequence[DryContact]) -> Expr:
-    """What each of several floors that are one has of the normal force: the least forces with that
-    sum."""
+    """Distribution of the normal force over several identical floors: forces of minimum norm with
+    the given sum."""
     return c.ratio / ex.add(*((other.ratio**2, 1.0) for other in own))
 
 

@@ -62,7 +62,7 @@ class ContactField:
 
 @dataclass(frozen=True)
 class Guard:
-    """What must be nonnegative in a mode.
+    """A function that must be nonnegative in a mode.
 
     Attributes
     ----------
@@ -184,15 +184,15 @@ def switched(field: Field, switch: int, setting: int) -> tuple[Mode, Region]:
 
 
 def mode_name(mode: int, in_plane: bool = False) -> str:
-    """What a contact does: in a plane slip has no sign."""
+    """Name of the mode of a contact; in a plane slip has no sign."""
     return "slip" if in_plane and mode != 0 else MODE_NAMES[mode]
 
 
 def named_modes(
     contacts: Sequence[str], mode: Sequence[int], turned: Collection[str] = ()
 ) -> dict[str, str]:
-    """What each contact does, by name; one that can open once: whether it is open, or closed, and
-    then what its friction does.
+    """Modes of contacts, by name; a contact that can open has one entry: open, or the mode of its
+    friction.
 
     Parameters
     ----------

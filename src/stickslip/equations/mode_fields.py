@@ -89,8 +89,8 @@ class _LinearProblem(NamedTuple):
 
 
 class _Direction(NamedTuple):
-    """What is asked of the rates along one direction, row·x = target, by a force μ along `pull`:
-    the contacts with shares in it have the forces share × μ."""
+    """A condition on the rates along one direction, row·x = target, with a force μ along `pull`;
+    contacts with a share in it have the forces share × μ."""
 
     row: list[Expr]
     pull: list[Expr]
@@ -409,7 +409,7 @@ class _Solver:
         return ContactField(c.name, c.kind, speed, force, plus, minus, gap)
 
     def room(self, i: int) -> Expr:
-        """What must be nonnegative of a contact in a plane, by its first component."""
+        """The guard of a contact in a plane, given by its first component."""
         plane = next(p for p in self.eq.planes if p.parts[0] == i)
         if self.mode[i] == 0 and self.eq.contacts[i].prescribed:
             return ex.add(*((e**2, -1.0) for e in self.ahead(plane)))

@@ -260,7 +260,7 @@ def pull_of(
     rate: RateProblem,
     force_of: dict[str, Expr],
 ) -> tuple[Expr, ...]:
-    """What acts against the friction of a contact in a plane of coordinates without mass.
+    """The force that opposes the friction of a contact in a plane of coordinates without mass.
 
     Of rate-independent ones it is −λ. Of viscous ones u = g (F + λ), with the force F that holds
     them in stick, if the resistance 1/g is the same in all directions: then they slip along F.

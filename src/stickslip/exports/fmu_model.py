@@ -50,7 +50,7 @@ class FmuVariable:
 
     @property
     def quantity(self) -> str:
-        """What the system calls it."""
+        """Name in the system."""
         return self.name.removeprefix(AT_START) if self.role == "start" else self.name
 
 
@@ -111,7 +111,7 @@ class FmuModel:
 
 
 def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[str]) -> FmuModel:
-    """What an FMU offers of a system.
+    """Variables of the FMU of a system.
 
     Parameters
     ----------

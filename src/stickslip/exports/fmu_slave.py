@@ -173,7 +173,7 @@ class SystemFmu(Fmi2Slave):
         self.log(f"{self.instance_name}: {error}", Fmi2Status.error)
 
     def _of(self, role: str) -> dict[str, float]:
-        """What was set, by the names of the system."""
+        """Values that were set, by the names of the system."""
         own = [v for v in self.model.variables if v.role == role and v.name in self._given]
         return {v.quantity: self._given[v.name] for v in own}
 
@@ -204,7 +204,7 @@ class SystemFmu(Fmi2Slave):
         return self._shown
 
     def _at_the_start(self, stepper: Stepper) -> dict[str, Any]:
-        """What the first moment of the motion shows."""
+        """Values at the start of the motion."""
         saved = stepper.save()
         start, stop = self.model.system.span
         try:

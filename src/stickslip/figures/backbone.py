@@ -120,7 +120,7 @@ def _label_amplitude(axes: Axes, found: Backbone) -> None:
 
 
 def _handles(found: Backbone, names: Sequence[str]) -> list[Line2D]:
-    """What kinds of lines mean, those that there are."""
+    """Legend entries of the kinds of lines that occur."""
     slips = found.dataset["slips"].values != 0
     lines = [
         ("frequency" in names, f"linear mode {found.mode}", STICK_LINE, (0, (1, 2)), 0.8),

@@ -131,7 +131,7 @@ def _uncertified(basin: xarray.Dataset) -> np.ndarray:
 
 
 def _name(basin: xarray.Dataset, code: int) -> str:
-    """What a colour stands for."""
+    """Legend entry of a colour."""
     if code < 0:
         said = ON_NONE[code]
         return f"not settled: {said}" if code in _UNSETTLED else said

@@ -89,7 +89,7 @@ def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "
 
 
 def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
-    """Which colour is which phase."""
+    """Colour bar of phases."""
     norm = BoundaryNorm((np.arange(sets + 1) - 0.5) / sets, sets)
     figure = axes.figure
     assert isinstance(figure, Figure)

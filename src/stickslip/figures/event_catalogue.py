@@ -109,7 +109,7 @@ def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
 
 
 def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
-    """How many events have at least that value, on logarithmic axes."""
+    """Number of events with at least that value, on logarithmic axes."""
     values = catalogue[name].values
     values = np.sort(values[np.isfinite(values)])
     axes.set_xlabel(_label(catalogue, name))

@@ -137,7 +137,7 @@ def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
 
 
 def _motions(axes: Axes, data: xarray.Dataset) -> None:
-    """How far the motions are from their limit, and from being equicontinuous."""
+    """Distances of the motions from their limit, and the excess of their moduli of continuity."""
     epsilon = data["epsilon"].values
     distance = data["distance"].values
     _fitted(axes, epsilon, distance, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")

@@ -34,7 +34,7 @@ _SAMPLES = 400
 
 
 def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
-    """Which contact sticks, slips forward or slips back, over the coordinates that drift.
+    """Stick, forward slip and backward slip of the contacts, above the coordinates that drift.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
 
 
 def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None:
-    """Where the coordinates go, from 0 at the first one's start."""
+    """Displacements of the coordinates, relative to the start of the first one."""
     t = np.linspace(0.0, cycle.period, _SAMPLES)
     values = cycle.trajectory.at(np.minimum(t + cycle.time, cycle.trajectory.knots.time[-1]))
     origin = values[names[0]][0]

@@ -479,7 +479,7 @@ class _Overview:
         return times[shown] if np.count_nonzero(shown) <= _MARKED else times[:0]
 
     def mode_map(self, axes: Axes) -> None:
-        """Who sticks when: one row per contact; nothing where it is open."""
+        """Stick phases over time: one row per contact, empty while it is open."""
         for row, key in enumerate(self.contacts, start=1):
             phases = {
                 colour: self.modes[key] == mode

@@ -300,7 +300,7 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
 
 
 def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
-    """Where a special point is marked: at the extremes of a cycle, once where it has none."""
+    """Positions of the marks of a special point: the extremes of a cycle, or a single value."""
     if name not in point.state:
         return [float(branch.points[name].values[point.index])]
     if not _is_cycles(branch) or point.kind in _VANISHING:
@@ -337,7 +337,7 @@ def _kind(cycle: bool, sticks: bool) -> dict[str, Any]:
 
 
 def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
-    """How every kind of special points is marked: hollow and of different sizes, since two may be
+    """Markers of the kinds of special points: hollow and of different sizes, since points may be
     close together."""
     kinds = list(dict.fromkeys(s.kind for branch in branches for s in branch.special))
     return {

@@ -135,8 +135,7 @@ class _Portrait:
         return values_at(self.equations, self.values, states, expressions).reshape(-1, _GRID, _GRID)
 
     def sticking(self, axes: Axes) -> list[Patch | Line2D]:
-        """Where contacts stick: a region, or with inertia a part of the line on which they are at
-        rest."""
+        """The states of stick: a region or, with inertia, a part of the line of zero velocity."""
         contacts = self.equations.contacts
         n = len(self.equations.contacts)
         if not n:

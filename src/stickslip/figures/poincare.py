@@ -62,7 +62,7 @@ def plot_return_map(
 
 
 def crossings(x: Array, y: Array) -> Array:
-    """Where a sampled map meets the diagonal, by linear interpolation."""
+    """Intersections of a sampled map with the diagonal, by linear interpolation."""
     gap = y - x
     i = np.flatnonzero((gap[:-1] > 0.0) != (gap[1:] > 0.0))
     return x[i] - gap[i] * (x[i + 1] - x[i]) / (gap[i + 1] - gap[i])

@@ -88,7 +88,7 @@ def plot_records(
 
 
 def _along(data: xarray.Dataset) -> str | None:
-    """What lines are drawn over: the scale, or else the longest axis."""
+    """Horizontal axis of the lines: the scale, or else the longest axis."""
     known = [str(d) for d in data["outcome"].dims if d != record_axis(data) and d in data.coords]
     if SCALE in known:
         return SCALE

@@ -196,7 +196,7 @@ def _name_lines(axes: Axes, response: FrequencyResponse, name: str) -> None:
 
 
 def _differ(sweep: Any) -> Any:
-    """Where sweeps up and down have not settled on the same."""
+    """Points at which sweeps up and down converge to different cycles."""
     up, down = np.nan_to_num(sweep)
     return np.abs(up - down) > _ALIKE * max(np.max(np.abs(up)), np.max(np.abs(down)))
 
@@ -248,7 +248,7 @@ def _label_frequency(axes: Axes, response: FrequencyResponse) -> None:
 
 
 def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:
-    """What kinds of lines and marks mean, those that there are."""
+    """Legend entries of the kinds of lines and markers that occur."""
     data = response.dataset
     stable, slips = data["stable"].values, data["slips"].values
     lines = [

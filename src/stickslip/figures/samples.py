@@ -80,7 +80,7 @@ def plot_table(table: Table, ax: Axes | None = None) -> Figure:
 
 
 def _value_label(measured: Samples | Table) -> str:
-    """What the values are, with their unit."""
+    """Label of the values, with their unit."""
     unit = unit_label(measured.unit)
     name = measured.source.get("value", "value")
     return f"{name}  [{unit}]" if unit else name

@@ -239,7 +239,7 @@ def _line(
 
 
 def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
-    """What hollow points and ticks stand for."""
+    """Legend entries of hollow points and ticks."""
     style: dict[str, Any] = {"linestyle": "none", "marker": "|", "ms": 8, "mew": 2}
     reasons = _reasons(data, names).items()
     marks = [Line2D([], [], color=colour, label=text, **style) for colour, text in reasons]
@@ -272,7 +272,7 @@ def _marker(hatch: str) -> str:
 
 
 def _hollow(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
-    """What marks of points without a certificate stand for."""
+    """Legend entries of points without a certificate."""
     style: dict[str, Any] = {"linestyle": "none", "mfc": inside, "mec": VERMILION, "ms": 5}
     doubts = _doubts(data, names).items()
     return [Line2D([], [], marker=_marker(kind), label=text, **style) for kind, text in doubts]
@@ -388,7 +388,7 @@ def draw_map(
 
 
 def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
-    """What is certified sets the scale; anything else may be beyond it."""
+    """Certified points determine the scale; others may lie beyond it."""
     values = data[name].values
     computed = data["outcome"].values != NOT_COMPUTED
     sure = computed & ~uncertified(data, name) & np.isfinite(values)
@@ -437,7 +437,7 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
 
 
 def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
-    """What hatching and greys stand for, and how much was computed."""
+    """Legend of hatching and greys, and the number of computed points."""
     outcome = data["outcome"].values
     handles = [hatched_patch(kind, text) for kind, text in _doubts(data, names).items()]
     room = int(_LETTERS * figure.get_figwidth())
@@ -481,7 +481,7 @@ def _codes(data: xarray.Dataset, names: list[str]) -> list[int]:
 
 
 def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
-    """What the greys of points without a value stand for."""
+    """Legend entries of the greys of points without a value."""
     words = _words(data["outcome"])
     found = {}
     for colour, code in zip(_GREYS, _codes(data, names), strict=False):
@@ -505,7 +505,7 @@ def _words(codes: xarray.DataArray) -> dict[int, str]:
 
 
 def _doubts(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
-    """What the hatching of points stands for that are shown without a certificate."""
+    """Legend entries of the hatching of points without a certificate."""
     found = dict[str, Array]()
     for name in names:
         for hatch, here in doubtful(data, name).items():
@@ -518,7 +518,7 @@ def _doubts(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
 
 
 def _lacking(data: xarray.Dataset, bad: Array) -> str:
-    """What points lack that are shown without a certificate."""
+    """Failed criteria of points that are shown without a certificate."""
     if "lacking" not in data:  # maps of the first format have none
         return "not certified"
     lacked = [

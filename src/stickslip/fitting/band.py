@@ -315,7 +315,7 @@ def _beside(branch: Branch, point: SpecialPoint, width: float) -> Cycle:
 def _again(
     branch: Branch, point: SpecialPoint, start: Cycle, moved: dict[str, float], width: float
 ) -> float:
-    """Where a special point is for other parameters."""
+    """A special point at other parameters."""
     name = branch.parameter
     low, high = (
         float(branch.points[name].values.min()) - width,

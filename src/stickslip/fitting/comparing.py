@@ -276,7 +276,7 @@ def _named(systems: Mapping[str, System] | Sequence[System]) -> dict[str, System
 
 
 def _own(value: Any, i: int, name: str, known: set[str]) -> Any:
-    """What belongs to one system: of a sequence, or of a mapping by the names of the systems."""
+    """The entry of one system in a sequence, or in a mapping by names of systems."""
     if isinstance(value, Mapping):
         return value[name] if known <= set(value) else value
     is_list = isinstance(value, Sequence) and not isinstance(value, str)

@@ -32,7 +32,7 @@ class GivenUp(Exception):
 
 
 class Column(NamedTuple):
-    """What was measured of one quantity.
+    """Measured values of one quantity.
 
     Attributes
     ----------
@@ -96,8 +96,7 @@ class MeasuredRecord:
         return {**given, **free}
 
     def start_slopes(self, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
-        """How the initial state changes with parameters of which it is a function, shape (states,
-        names)."""
+        """Derivatives of the initial state with respect to parameters, shape (states, names)."""
         state = list(self.system.declaration.state)
         slopes = np.zeros((len(state), len(names)))
         for component, formula in self.initial.items():

@@ -499,7 +499,7 @@ def _without_motion(system: System) -> Trajectory:
 
 
 def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
-    """What the differences of a column are divided by before a fit."""
+    """Scale of the differences of a column before a fit."""
     if column.noise is not None:
         return column.noise
     same = [c.values for m in measured for c in m.columns if c.name == column.name]
@@ -518,7 +518,7 @@ def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
 
 
 def suffix_of(r: int) -> str:
-    """What names of the data of a recording end with."""
+    """Suffix of the names of the data of a recording."""
     return "" if r == 0 else f"_{r + 1}"
 
 
@@ -536,7 +536,7 @@ def table_columns(recording: Recording, r: int) -> dict[str, Any]:
 
 
 def arguments_of(problem: FitProblem) -> dict[str, Any]:
-    """What the problem was made of, as plain data."""
+    """Arguments of the problem, as plain data."""
     free = {u.name: [u.low, u.high] for u in problem.unknowns}
     return {
         "free": free,

@@ -124,7 +124,8 @@ def _moved_to(fit: Fit, j: int, value: float, p: Array) -> Array:
 
 
 def _crossing(points: list[Profiled], limit: float, sign: int) -> float:
-    """Where the rise passes the limit: its root is nearly a straight line."""
+    """The value at which the rise reaches the limit, from its square root, which is nearly
+    linear."""
     for a, b in itertools.pairwise(points):
         if b.rise >= limit:
             if math.isinf(b.rise):

@@ -40,7 +40,8 @@ _DIFFERENCE = 1e-4  # relative step of differences, before Richardson's extrapol
 
 
 class Minimum(NamedTuple):
-    """Where a start has led: values, the sum of (the loss of) squares, and why it led nowhere."""
+    """Result of one start: values, the sum of (the loss of) squares, and the reason for a
+    failure."""
 
     p: Array
     cost: float
@@ -49,7 +50,7 @@ class Minimum(NamedTuple):
 
 @dataclass
 class Search:
-    """What came of a search.
+    """Result of a search.
 
     Attributes
     ----------
@@ -191,7 +192,7 @@ def cost_of(problem: FitProblem, p: Array) -> float:
 
 
 def _settle_for_less(found: Search) -> None:
-    """What an interrupted search has: the best of what it had looked at."""
+    """Result of an interrupted search: the best values so far."""
     if found.minima or math.isfinite(found.best.cost):
         return
     try:

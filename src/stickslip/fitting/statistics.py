@@ -33,7 +33,7 @@ _DIFFERENCE = 1e-5  # step of a central difference, in standard deviations: abou
 
 @dataclass(frozen=True)
 class Statistics:
-    """What data say of the unknowns.
+    """Statistics of the unknowns.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Statistics:
 
 
 def statistics_of(problem: FitProblem, p: Array) -> Statistics:
-    """What data say of the unknowns near a minimum.
+    """Statistics of the unknowns at a minimum.
 
     Raises
     ------

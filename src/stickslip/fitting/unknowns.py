@@ -184,7 +184,7 @@ def middle(low: float, high: float) -> float:
 
 
 def _box(low: float, high: float, value: float, size: float) -> tuple[float, float]:
-    """Where starts are spread: the bounds, or around the start if there are none."""
+    """The box of starts: the bounds, or a neighbourhood of the given start if there are none."""
     if low >= 0.0 and value > 0.0:
         below, above = value / _AROUND, value * _AROUND
     else:

@@ -33,7 +33,7 @@ class SystemFunction(FunctionAddress):
 
 @cache
 def _caller(kind: type[SystemFunction]) -> Any:
-    """What calls functions of that kind by their address."""
+    """Caller of functions of a kind by their address."""
     from stickslip.machine_code.objects import addresses
     from stickslip.machine_code.words import Prepared
     from stickslip.translator.modules import caller_of

@@ -96,7 +96,7 @@ def find_mathematics() -> Path:
 
 
 def _folders() -> Iterator[Path]:
-    """Where NVIDIA's compiler may be: as a package of Python, or installed on this machine."""
+    """Possible folders of NVIDIA's compiler: a Python package, or an installation."""
     if find_spec("nvidia") is not None and (package := find_spec("nvidia.cuda_nvcc")) is not None:
         yield from map(Path, package.submodule_search_locations or ())
     yield from (Path(os.environ[name]) for name in ("CUDA_HOME", "CUDA_PATH") if name in os.environ)

@@ -66,7 +66,7 @@ def level() -> str:
 
 
 def target_of(level: str) -> Processor:
-    """What machine code of a level is made for on this machine."""
+    """Target of machine code of a level on this machine."""
     here = processor()
     is_x86 = here.triple.startswith("x86_64")
     return here._replace(name=FAST if level == FAST else "x86-64" if is_x86 else "", features="")
@@ -181,7 +181,7 @@ def shipped(library: Library, level: str, sources: str) -> list[bytes] | None:
 def _listed(
     library: Library, folder: Path, key: str, kind: str, trusted: bool
 ) -> list[bytes] | None:
-    """What a folder has of a library; None if anything is missing."""
+    """Parts of a library in a folder; None if any is missing."""
     found = stored(_list_path(library, folder, key), key, trusted=trusted)
     if found is None:
         return None
@@ -278,7 +278,7 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
 def jobs_of(
     entries: Sequence[Entry | Kernel], folder: Path, here: Processor, ship: bool = False
 ) -> list[Compilation]:
-    """What is to be compiled for some entries: a module for each source file."""
+    """Compilation jobs for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()

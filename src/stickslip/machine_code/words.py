@@ -311,7 +311,7 @@ def _fits(array: Any, kind: ArrayType) -> bool:
 
 
 def mismatch(type_: Any, value: Any, name: str) -> str:
-    """Where a value is not of a type, in words."""
+    """Description of the mismatch of a value and a type."""
     if not isinstance(type_, TupleType) or not isinstance(value, tuple):
         if isinstance(type_, ArrayType) and isinstance(value, np.ndarray):
             kind = f"{value.ndim} axes of {value.dtype}"

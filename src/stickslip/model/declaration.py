@@ -134,7 +134,7 @@ class ReadCondition:
     otherwise: str
 
     def fails(self, values: Mapping[str, float]) -> str:
-        """Why it fails for some parameters; empty if it holds."""
+        """Reason why it fails for given parameters; empty if it holds."""
         margin = ex.evaluate(self.margin, values)
         if math.isnan(margin):
             return "undefined for these parameters"
@@ -216,14 +216,14 @@ class Declaration:
         return [z for z in self.viscous if z not in self.drags]
 
     def resistance(self, z: str) -> Expr:
-        """What resists the rate of a viscous coordinate with a drag, the viscous part included."""
+        """Resistance of a viscous coordinate with a drag, including the viscous part."""
         own = self.damping.get((z, z), ex.ZERO)
         return self.drags[z] + own * ex.sym(f"d_{z}")
 
     @cached_property
     def moving_energy(self) -> Expr:
-        """What the kinetic energy adds to the energy that is conserved, q̇·∂T/∂q̇ − T: T itself
-        where it is a quadratic form (Jacobi's integral)."""
+        """Contribution of the kinetic energy to the balanced energy, q̇·∂T/∂q̇ − T (Jacobi's
+        integral): T itself if it is a quadratic form."""
         rates = [f"d_{q}" for q in self.inertial]
         at_rest = dict.fromkeys(rates, ex.ZERO)
         if all(
@@ -273,7 +273,7 @@ class Declaration:
 
     @cached_property
     def results(self) -> Scope:
-        """What names mean in a formula of what results show."""
+        """Meanings of names in formulas of quantities of results."""
         scope = self.scope
         names = {name: ex.sym(name) for name in self.published} | dict(scope.names)
         del names["speed"]
@@ -311,7 +311,7 @@ class Declaration:
         check_covered(self.given, start, stop)
 
     def kinks_known(self, start: float, stop: float) -> int:
-        """How many kinks drives that are no formulas have in a time span, at most."""
+        """Maximum number of kinks of measured drives in a time span."""
         return sum(drive.count(start, stop) for drive in self.given.values())
 
     def check_range(self, name: str, value: object) -> None:

@@ -28,7 +28,7 @@ _NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)  # of coefficients tha
 
 
 def disagreements(system: System) -> list[str]:
-    """What is in doubt about the units of a declaration, a line for each term."""
+    """Inconsistent units of a declaration, one line for each term."""
     declared = (system.parameters, system.coordinates, system.internal, system.dry_contacts)
     if not any(item.unit for group in declared for item in group.values()):
         return []
@@ -120,8 +120,8 @@ class _Check:
         return first if alike else None
 
     def energy(self) -> tuple[Unit | None, str]:
-        """What an energy is measured in, and what says so: a term that is an energy by its
-        dimension, if there is one; work at a contact first."""
+        """The unit of energies, with its origin: a term with the dimension of an energy, if there
+        is one; preferably work at a contact."""
         d, time = self.system.declaration, self.units["t"]
         found = list[tuple[Unit, Callable[[], str]]]()
 
@@ -207,8 +207,7 @@ class _Check:
                 return _NUMBER
 
     def tabulated(self, e: Expr) -> Unit | None:
-        """What samples or a table are in, if that is declared; a slope or an integral by its
-        argument."""
+        """Declared unit of samples or a table; of a slope or an integral also by its argument."""
         unit, power = FUNCTIONS[e.op].unit
         if not unit:
             return None
@@ -246,7 +245,7 @@ class _Check:
         return _times(*(self.of(base) for base, _ in powers), powers=tuple(p for _, p in powers))
 
     def common(self, terms: list[tuple[Expr, float]]) -> Unit | None:
-        """What all terms are in; None if one may be in anything else. Zero is in any unit."""
+        """Common unit of all terms; None if one may have another. Zero has any unit."""
         terms = [(term, c) for term, c in terms if not ex.is_number(term, 0.0)]
         units = [self.of(term) for term, _ in terms]
         sure = [

@@ -139,7 +139,7 @@ class Expansion:
 
     @cached_property
     def scope(self) -> Scope:
-        """What names mean in the direction and the parameters of a law."""
+        """Meanings of names in the direction and the parameters of a law."""
         system = self.system
         names = DeclaredNames()
         names.functions("functions", system.functions)

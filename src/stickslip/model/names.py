@@ -167,7 +167,7 @@ def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float)
 def parts_left_out(
     drives: Mapping[str, TimeFunction], start: float, stop: float, unit: str
 ) -> list[str]:
-    """What a motion over a time span leaves out of records that drive it, in words.
+    """Descriptions of the parts of driving records outside a time span.
 
     Parameters
     ----------

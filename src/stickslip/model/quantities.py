@@ -262,7 +262,7 @@ def _energy_unit_of(system: System) -> str | None:
 
 
 def _common(units: Iterable[UnitPowers]) -> str | None:
-    """What all units are, with the fewest factors; None if they differ."""
+    """The common unit, with the fewest factors; None if units differ."""
     units = list(units)
     if not units or any(not agree(a, b) for a, b in pairwise(units)):
         return None

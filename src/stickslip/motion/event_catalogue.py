@@ -546,7 +546,7 @@ def _way_along(motion: Trajectory, speed: ex.Expr, runs: Array) -> Array:
 
 
 def _way(speed: ex.Expr, values: Mapping[str, float], clock: Array, origin: float) -> Array:
-    """How far a surface goes in each of some stretches of time, shape (events, 2)."""
+    """Displacement of a surface in each of several time intervals, shape (events, 2)."""
     if "t" not in speed.symbols:
         return ex.evaluate(speed, values) * (clock[:, 1] - clock[:, 0])
     from scipy.integrate import quad

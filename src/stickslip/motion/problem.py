@@ -122,7 +122,7 @@ class Problem:
 
     @cached_property
     def machine(self) -> Machine:
-        """What compiled functions call: series, residual, and powers."""
+        """Functions called by compiled code: series, residual, and powers."""
         compiled = self.compiled
         return Machine(compiled.jets, compiled.residual, compiled.powers, compiled.landings)
 
@@ -237,7 +237,7 @@ class Problem:
 
     @cached_property
     def rows(self) -> Rows:
-        """Where the compiled functions find things."""
+        """Positions of quantities in the arrays of compiled functions."""
         boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
         doubtful = made_once(
             self.compiled, "doubtful rows", lambda: self._doubtful(boxes), tuple(boxes.items()), 64

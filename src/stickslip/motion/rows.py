@@ -118,7 +118,7 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
 
 
 def _together(layout: Layout) -> Array:
-    """Which contacts may share forces; −1: none."""
+    """Groups of contacts that may share forces; −1 for others."""
     found = np.full(len(layout.u), -1, np.int64)
     for c, number in layout.together.items():
         found[c] = number

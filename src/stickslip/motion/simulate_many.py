@@ -322,7 +322,7 @@ def follow_block(
 
 
 def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Array]:
-    """What was given as 1-D float arrays."""
+    """Given values as 1-D float arrays."""
     result = {}
     for name, values in (given or {}).items():
         try:

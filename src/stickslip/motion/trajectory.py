@@ -52,7 +52,7 @@ class Trajectory(Result):
     t_span : (float, float)
         The requested time span.
     outcome : Outcome
-        How the computation ended.
+        Outcome of the computation.
     start : array, shape (n,), or None
         The requested initial state, which the certificate compares with the first state.
     """
@@ -189,7 +189,7 @@ class Trajectory(Result):
 
     @cached_property
     def _switches(self) -> Switches:
-        """What the contacts do from knot to knot."""
+        """Modes of the contacts from knot to knot."""
         return Switches(self.system, self._problem.compiled.equations, self.knots)
 
     @property

@@ -44,7 +44,7 @@ def order_in_band(matrix: Any) -> tuple[Array, int] | None:
 
 @dataclass(frozen=True)
 class Banded:
-    """What elimination has found of a positive definite matrix.
+    """Factors of a positive definite matrix.
 
     Attributes
     ----------

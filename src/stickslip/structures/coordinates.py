@@ -90,7 +90,7 @@ class InModes:
 
     @property
     def coordinates(self) -> list[str]:
-        """What the modes are called."""
+        """Names of the modes."""
         return [f"{self.name}_mode_{i}" for i in range(1, self.structure.coordinates + 1)]
 
     @property
@@ -103,7 +103,7 @@ class InModes:
         return self.structure.index(unknown)
 
     def key(self, index: int) -> UnknownKey:
-        """What an unknown is called."""
+        """Name of an unknown."""
         return self.structure.key(index)
 
     def indexed(self) -> dict[str, Indexed]:

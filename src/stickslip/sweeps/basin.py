@@ -74,7 +74,7 @@ _COMPONENTS = ("state", "low", "high", "shift")  # measures of every component o
 
 @dataclass(frozen=True)
 class Attractor:
-    """Where motions end.
+    """An attractor.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Attractor:
 
 @dataclass(frozen=True)
 class SettledMotions:
-    """What motions have settled on, by motion.
+    """Attractors reached, by motion.
 
     Attributes
     ----------

@@ -64,7 +64,7 @@ class MapFiles(LocalStore):
 
 
 def _told(key: str, value: Buffer) -> Buffer:
-    """What is written into a file: a chunk with its place."""
+    """Content of a file: a chunk with its position."""
     if not damage.is_chunk(key):
         return value
     return type(value).from_bytes(damage.placed(key, value.to_bytes()))

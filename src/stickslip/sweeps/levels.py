@@ -41,7 +41,7 @@ def first_coordinate(system: System) -> str:
 
 @dataclass(frozen=True)
 class Level:
-    """What is asked at one level.
+    """Request at one level.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Level:
         return np.unwrap(relative_phase(phases, of_drive))
 
     def columns(self, branch: Branch) -> dict[str, Array]:
-        """What is said of the points of a line."""
+        """Quantities of the points of a line."""
         data, x = branch.points, self.coordinate
         where = data[self.parameter].values
         # A corner breaks what is smooth elsewhere.
@@ -179,8 +179,8 @@ class Level:
 
 @dataclass
 class Lines:
-    """What was found at one level: sweeps up and down in the order of the parameter, and the lines
-    through what they met."""
+    """Result at one level: sweeps up and down in the order of the parameter, and the lines through
+    what they met."""
 
     wanted: Level
     grid: Array
@@ -191,7 +191,7 @@ class Lines:
 
     @property
     def swept(self) -> list[list[Cycle | str]]:
-        """What each sweep met, at all values of the grid."""
+        """Results of each sweep, at all values of the grid."""
         both: list[list[Cycle | str]] = []
         for direction in DIRECTIONS:
             met = self.met.get(direction, [])

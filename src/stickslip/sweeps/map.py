@@ -380,7 +380,7 @@ class Basin(Result):
         }
 
     def _attractors(self) -> list[dict[str, Any]]:
-        """What is said of every attractor."""
+        """Data of every attractor."""
         table = self.dataset.drop_dims([*self.dataset["attractor"].dims])
         return [
             {str(name): values.values[i].item() for name, values in table.items()}

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a map is.
+    """Progress of a map.
 
     Attributes
     ----------

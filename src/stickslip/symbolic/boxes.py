@@ -33,7 +33,7 @@ _ARRAYS = Intervals(
 
 
 def enclosures(expressions: Sequence[Expr], ranges: Mapping[str, Any]) -> list[Box]:
-    """What the values of expressions lie in.
+    """Enclosures of the values of expressions.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
 
 
 def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) -> Array:
-    """How far a function can be from the straight line between its values at both ends of boxes,
-    shape (..., boxes).
+    """Bound of the deviation of a function from the straight line between its values at both ends
+    of boxes, shape (..., boxes).
 
     With slopes between d₁ and d₂ and the slope m of the line, that is (d₂ − m)(m − d₁)/(d₂ − d₁)
     times the width; and it is no more than what its values spread beyond those at the ends. (Up to

@@ -240,7 +240,7 @@ class Enclosure:
 
 
 def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
-    """What a function of the table lies in.
+    """Enclosure of a function of the table.
 
     One that is neither monotone nor a wave lies between its values at the ends where its slope has
     one sign, and else near its value in the middle (mean value).

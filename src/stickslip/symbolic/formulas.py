@@ -92,7 +92,7 @@ class TimeFunction(ABC):
 
     @abstractmethod
     def count(self, start: float, stop: float) -> int:
-        """How many kinks it has in a span, at most."""
+        """Maximum number of kinks in a span."""
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
@@ -129,7 +129,7 @@ class Indexed(ABC):
     @property
     @abstractmethod
     def symbols(self) -> frozenset[str]:
-        """What its entries depend on."""
+        """Symbols in its entries."""
 
     @property
     @abstractmethod
@@ -180,7 +180,7 @@ def syntax_of(text: str) -> ast.expr:
 
 @dataclass
 class Scope:
-    """What names mean inside a formula.
+    """Meanings of names in a formula.
 
     Attributes
     ----------

@@ -137,7 +137,7 @@ class Function:
 
     @property
     def called(self) -> str:
-        """How formulas call it, if they do and it is not its name."""
+        """Name in formulas, if it differs from its own."""
         return ""
 
     @property

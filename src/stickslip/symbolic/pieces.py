@@ -246,7 +246,7 @@ def unwrapped(guard: Expr) -> Expr:
 
 
 def boundary(guard: Expr) -> str:
-    """What a person calls the place where a guard is zero."""
+    """Description of the zero of a guard."""
     row = FUNCTIONS.get(guard.op)
     if row is not None and row.sampled and row.called:
         return f"{ex.to_text(guard.args[0])} at a knot of {row.called}"

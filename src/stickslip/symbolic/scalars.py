@@ -88,7 +88,7 @@ def added(terms: Iterable[Scalar]) -> Scalar:
 
 
 def by_mode(contact: int, stick: Scalar, plus: Scalar, minus: Scalar) -> Scalar:
-    """What depends on the mode of a contact."""
+    """A value that depends on the mode of a contact."""
     return Scalar("mode", (stick, plus, minus), index=(contact,))
 
 

@@ -28,7 +28,7 @@ from stickslip.symbolic.scalars import ParameterExpressions, Scalar
 
 
 class Op(IntEnum):
-    """What an instruction does; see :class:`Instruction` for its operands."""
+    """Operation of an instruction; see :class:`Instruction` for its operands."""
 
     LINEAR = 0
     PRODUCT = 1

@@ -86,7 +86,7 @@ class Compiled:
 
     @property
     def place(self) -> str:
-        """Where it stands, and its name."""
+        """Source location and name."""
         code = self.python.__code__
         return f"{code.co_filename}:{code.co_firstlineno}: {self.__name__}"
 

@@ -20,7 +20,7 @@ class WrongType(TypeError):
 
 
 class Register(NamedTuple):
-    """What an instruction takes: a register, a global name or a literal.
+    """Operand of an instruction: a register, a global name or a literal.
 
     Attributes
     ----------

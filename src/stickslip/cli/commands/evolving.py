@@ -136,7 +136,7 @@ def with_option(option: str, model: EvolutionModel, **changes: Any) -> Evolution
 
 
 def heading(model: EvolutionModel) -> dict[str, Any]:
-    """What a summary begins with."""
+    """First line of a summary."""
     return {
         "model": model.name,
         "title": model.title or model.name,
@@ -158,12 +158,12 @@ class Averaged:
 
     @property
     def outcome(self) -> Completion:
-        """What cannot be computed raises."""
+        """Always complete: if the average cannot be computed, an error is raised."""
         return Completion.FINISHED
 
     @cached_property
     def unit_motions(self) -> list[dict[str, Any]]:
-        """What it costs to move along each axis: on average, and in one phase alone."""
+        """Costs of unit motions along each axis: on average, and at a single phase."""
         import numpy as np
 
         source = self.model.potential
@@ -196,7 +196,7 @@ class Averaged:
         return Certificate((Residual("duality gap", relative, _TOLERANCE),), notes=notes)
 
     def summary(self) -> Summary:
-        """What there is to say on a page."""
+        """The summary."""
         certificate = self.certificate
         source = self.model.potential
         data = {
@@ -254,7 +254,7 @@ def _few(numbers: Sequence[float]) -> str:
 
 
 def in_words(source: Dissipation, averaged: Average) -> dict[str, Any]:
-    """How the average was found, what it is, and its numbers."""
+    """The method of the average, its formula, and its numbers."""
     known = averaged.closed_form
     if known is not None:
         method = "closed form: minimum of each threshold over the phase"

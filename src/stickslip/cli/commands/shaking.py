@@ -34,7 +34,7 @@ FRAGILITY = Files.with_table("fragility")
 
 @dataclass(frozen=True)
 class Reading:
-    """How the files of records are read, as ``Records.read`` takes it."""
+    """Options for reading files of records, as arguments of ``Records.read``."""
 
     drive: Annotated[
         list[str] | None,

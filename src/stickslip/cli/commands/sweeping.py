@@ -62,7 +62,7 @@ class Convergence:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where an adaptive map has more points."""
+    """Options for the refinement of an adaptive map."""
 
     adaptive: Annotated[
         list[str] | None,

@@ -85,8 +85,7 @@ def differences(result: Result, system: System, model: str) -> list[str]:
 
 
 def references(model: str) -> list[str]:
-    """Where a system comes from: the references of a catalogue entry, or the source that a file
-    names.
+    """Origin of a system: the references of a catalogue entry, or the source in a file.
 
     Raises
     ------
@@ -102,9 +101,9 @@ def references(model: str) -> list[str]:
 
 
 def settings_of(texts: Iterable[str]) -> dict[str, Drive | Table]:
-    """What ``--set`` gives: numbers, formulas, and samples from files, as in ``a=base.csv`` or
-    ``a={file = "base.csv", time = "t", value = "a", kind = "cubic"}``; and tables, as in
-    ``mu={file = "mu.csv", of = "speed"}``."""
+    """Values of ``--set``: numbers, formulas, and samples from files, as in ``a=base.csv`` or
+    ``a={file = "base.csv", time = "t", value = "a", kind = "cubic"}``; and tables, as in ``mu={file
+    = "mu.csv", of = "speed"}``."""
     return {
         name: _samples(name, value) if isinstance(value, str) and _is_file(value) else value
         for name, value in assignments(texts, "--set").items()

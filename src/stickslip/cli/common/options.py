@@ -98,7 +98,7 @@ def quantity_of(what: str) -> Any:
 
 @dataclass(frozen=True)
 class Workers:
-    """Which threads, processes or machines compute a map."""
+    """Options for the threads, processes or machines that compute a map."""
 
     workers: Annotated[
         int | None,
@@ -136,7 +136,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class Stored:
-    """What to do with a map that is already stored, as ``sweep`` takes it."""
+    """Options for an existing store, as arguments of ``sweep``."""
 
     extend: Annotated[bool, typer.Option("--extend", help="Add points to a stored map.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")] = False

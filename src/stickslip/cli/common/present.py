@@ -31,15 +31,15 @@ ShowProgress = Callable[..., None]
 
 
 class Shown(Protocol):
-    """What a command can show: every result is one."""
+    """Interface of the objects that commands can show; all results have it."""
 
     @property
     def outcome(self) -> Ended:
-        """How the computation ended."""
+        """Outcome of the computation."""
         ...
 
     def summary(self) -> Summary:
-        """What there is to say on a page."""
+        """The summary."""
         ...
 
     def plot(self) -> Figure:
@@ -53,7 +53,7 @@ class Shown(Protocol):
 
 @dataclass(frozen=True)
 class Files:
-    """What a command writes beside the summary and the picture.
+    """Files written by a command in addition to summary and plot.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Files:
 
 @dataclass(frozen=True)
 class ResultOptions:
-    """Where results are written, and how the summary is printed."""
+    """Options for the output folder, and for printing the summary."""
 
     out: Out = None
     json_: Json = False

@@ -92,8 +92,8 @@ def sliding_forces(draft: Draft, i: int) -> tuple[Expr, Expr, Expr, Expr]:
 
 
 def pressed_slopes(draft: Draft, i: int, normal: int) -> list[Expr]:
-    """What a unit of a normal force adds to the friction of a contact, and to its threshold,
-    either way."""
+    """Derivatives of the friction of a contact, and of its thresholds, with respect to a normal
+    force."""
     return [ex.derivative(side, f"lambda:{normal}") for side in sliding_forces(draft, i)]
 
 

@@ -124,7 +124,7 @@ def _lay_out(draft: Draft) -> None:
 
 
 def _finish(draft: Draft) -> None:
-    """How large everything has become, and what of it is needed beyond order 0."""
+    """Final sizes of the layout, and the rows that are needed beyond order 0."""
     layout = draft.layout
     first = np.arange(draft.rate_sizes, draft.scratch)[: draft.nq + draft.nz + draft.nr + draft.na]
     layout.rate_sizes = np.concatenate([np.full(draft.nq, -1), first]).astype(np.int64)

@@ -84,7 +84,7 @@ def _entry(draft: Draft, i: int, j: int) -> Instruction:
 
 
 def residual_stores(draft: Draft) -> list[Store]:
-    """How far contacts that slide are from λ + σ s = 0, and the matrix to put them back."""
+    """Residuals λ + σ s of sliding contacts, and the matrix of their correction."""
     rate = draft.eq.rate
     names = {s: element("y", i) for i, s in enumerate(draft.d.state)}
     names["t"] = Scalar("name", name="t")
@@ -126,8 +126,8 @@ def residual_stores(draft: Draft) -> list[Store]:
 
 
 def _back(draft: Draft, plane: Plane) -> tuple[Expr, tuple[list[Expr], list[Expr]]]:
-    """How far the force of a slip in a plane is from its threshold, s − |A⁻¹λ|, and the two rows of
-    a Newton step that puts it back, along the direction of the slip."""
+    """Residual s − |A⁻¹λ| of a slip in a plane, and the two rows of a Newton step that corrects it
+    along the direction of slip."""
     rate = draft.eq.rate
     first = draft.mq + draft.mz
     size = ex.power(ex.add(*((e**2, 1.0) for e in plane.pull)), ex.num(0.5))

@@ -80,7 +80,7 @@ class Arithmetic(Assembly):
         return f"{self._head} {{\n{self.body()}}}\n"
 
     def once(self, key: Hashable, make: Callable[[], _T]) -> _T:
-        """What is made where it is first needed, and then known."""
+        """A value that is computed where it is first needed, and then reused."""
         if key not in self._once:
             self._once[key] = make()
         return self._once[key]

@@ -105,7 +105,7 @@ class Routine(Arithmetic):
         return self.once(("above", i), lambda: self.compare("eq", region, 1))
 
     def by_mode_of(self, i: Count, stick: Operand, plus: Operand, minus: Operand) -> Operand:
-        """What depends on the mode of a contact."""
+        """A value that depends on the mode of a contact."""
         slip = self.select(self.is_mode(i, "sgt", 0), plus, minus) if plus != minus else plus
         return self.select(self.is_mode(i, "eq", 0), stick, slip) if stick != slip else slip
 

@@ -45,7 +45,7 @@ class Whole(Register):
 
 
 class Pattern(NamedTuple):
-    """What is the same in all repetitions, and the numbers that tell one from the others."""
+    """The common part of all repetitions, and the numbers in which they differ."""
 
     key: Hashable
     wholes: list[Count]

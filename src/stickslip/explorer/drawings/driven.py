@@ -29,7 +29,7 @@ def drive_of(motion: Trajectory, formula: object, times: Array) -> Array | None:
 
 
 def way_of(motion: Trajectory, speed: object, times: Array) -> Array | None:
-    """How far something has come that has a given speed."""
+    """Displacement of a body with a given speed."""
     rates = drive_of(motion, speed, times)
     if rates is None:
         return None

@@ -80,7 +80,7 @@ def soles_of(system: System) -> dict[str, str]:
 
 
 def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
-    """How far the surface under a contact has moved."""
+    """Displacement of the surface under a contact."""
     for name, parts in motion.system.rubbing.items():
         contact = motion.system.dry_contacts[parts[0]]
         if contact_key(name) == key and contact.surface_speed != 0.0:
@@ -90,7 +90,7 @@ def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
 
 
 def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Array], float]:
-    """How far each block is from its place in the picture, and by what a length is multiplied."""
+    """Displacements of the blocks in the drawing, and the scale of lengths."""
     if not blocks:
         return {}, 1.0
     ways = {x: values[x] - np.mean(values[x][:1]) for x in blocks}

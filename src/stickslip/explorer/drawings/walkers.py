@@ -94,14 +94,14 @@ def pendulum_on_cart(motion: Trajectory, times: Array, values: Mapping[str, Arra
 
 
 def _counted(motion: Trajectory, times: Array) -> Array:
-    """How many jumps there have been."""
+    """Number of jumps so far."""
     if not motion.system.jumps:
         raise KeyError("jumps")
     return np.searchsorted(motion.jumps["time"].to_numpy(float), times, side="right").astype(float)
 
 
 def _strikes(motion: Trajectory, times: Array, theta: Array) -> tuple[Array, Array]:
-    """How far the feet have come by exchanging: 2 sin θ before each strike, summed up."""
+    """Displacement of the feet by leg exchanges: the sum of 2 sin θ before each impact."""
     at = motion.jumps["time"].to_numpy(float)
     if len(at) == 0:
         return np.zeros_like(times), np.zeros_like(times)

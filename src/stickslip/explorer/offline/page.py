@@ -33,7 +33,7 @@ _MOST_TEXT = 60_000  # characters of a model file in a page
 
 @dataclass(frozen=True)
 class Exported:
-    """What an exported page holds.
+    """Contents of an exported page.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def page_text(system: System, plan: Plan, stored: Stored) -> str:
 
 
 def _data(system: System, plan: Plan, stored: Stored) -> dict[str, Any]:
-    """What the scripts know."""
+    """Data of the scripts."""
     from stickslip import __version__
 
     text = system.to_toml()
@@ -176,7 +176,7 @@ def _data(system: System, plan: Plan, stored: Stored) -> dict[str, Any]:
 
 
 def _command(system: System) -> tuple[str, str]:
-    """How a motion of a system is computed again: what names the system, and the time span."""
+    """Command that recomputes a motion: the name of the system, and the time span."""
     if system.name in catalogue.names():
         known = catalogue.get(system.name)
         if known == system:

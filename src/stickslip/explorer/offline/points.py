@@ -60,7 +60,7 @@ class Stored:
     scenes: list[dict[str, Any]] = field(default_factory=list)
 
     def certified(self, kind: str) -> tuple[int, int]:
-        """How many motions, or cycles, are certified, and how many there are."""
+        """Number of certified motions or cycles, and of all."""
         found = [record[kind]["certified"] for record in self.records if kind in record]
         return sum(found), len(found)
 
@@ -110,7 +110,7 @@ def _check_size(size: int, done: int, points: int) -> None:
 
 
 class _Writer:
-    """What the points of a page have in common."""
+    """Common data of the points of a page."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -161,7 +161,7 @@ class _Writer:
         return found
 
     def curves(self, motion: Trajectory) -> dict[str, Any]:
-        """What is drawn of a motion."""
+        """Curves of a motion."""
         about = lines_of(motion.system, tuple(motion.final), tuple(motion.modes))
         times, index, values = seen_times(motion, list(about["symbols"]), None)
         modes = {key: mode[index].astype(np.int32) for key, mode in motion.modes.items()}
@@ -209,8 +209,8 @@ class _Writer:
 def _lines(
     about: Mapping[str, Any], contacts: Sequence[str], values: Mapping[str, Array]
 ) -> dict[str, Any]:
-    """Which quantities are drawn over the time, and how they are written; forces that are not zero
-    throughout come first."""
+    """Quantities that are drawn over time, with their symbols; forces that are not zero throughout
+    come first."""
     of: dict[str, list[dict[str, Any]]] = {}
     for group in about["groups"]:
         of.setdefault(group["kind"], []).append(group)
@@ -240,6 +240,6 @@ def _counted(switches: int) -> str:
 
 
 def _reason(error: StickslipError, system: System) -> str:
-    """Why something could not be computed, as briefly as a page needs it."""
+    """Short reason why something could not be computed."""
     text = str(error).removeprefix(f"a cycle of {system.name}: ")
     return shorten(text, 200, placeholder=" ...")

@@ -41,7 +41,7 @@ PANELS = (
 
 
 def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
-    """What makes the document of each page.
+    """Factory of the documents of pages.
 
     Parameters
     ----------

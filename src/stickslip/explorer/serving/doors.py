@@ -82,7 +82,7 @@ class Doors:
         self.token = secrets.token_urlsafe(16)
 
     def refusal(self, request: HTTPServerRequest, room: bool) -> tuple[int, str] | None:
-        """Why a request is refused, with the number that HTTP has for it; None if it is not.
+        """Reason for the refusal of a request, with its HTTP status; None if it is accepted.
 
         Parameters
         ----------
@@ -299,7 +299,7 @@ class Guarded(BokehTornado):
         return ""
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
-        """Who answers a request: every one passes here."""
+        """The handler of a request; all requests pass here."""
         refused = self.doors.refusal(request, self.has_room)
         if refused is not None:
             status, reason = refused

@@ -50,7 +50,7 @@ class Job:
 
     @property
     def lane(self) -> tuple[Hashable, str]:
-        """What a newer question takes the place of."""
+        """Key of the requests that a newer request replaces."""
         return self.page, self.request.lane
 
 

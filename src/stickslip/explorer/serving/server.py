@@ -34,7 +34,7 @@ _CHECK = 1_500  # ms
 
 @dataclass
 class Listening:
-    """Where the explorer listens, and what it shows.
+    """Address of the explorer, and the first page.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Listening:
 
     @property
     def first(self) -> Request:
-        """What the page will ask first."""
+        """First request of the page."""
         setting = read_state(self.start)
         if setting.model == GIVEN:
             setting = replace(setting, model="", toml=self.given)
@@ -94,7 +94,7 @@ class Listening:
 
     @property
     def address(self) -> str:
-        """What to open."""
+        """Address to open."""
         port = self.sockets[0].getsockname()[1]
         anywhere = self.host in ("0.0.0.0", "::", "")
         name = (self.names[0] if self.names else HERE) if anywhere else self.host

@@ -53,7 +53,7 @@ def _kept(times: Array, values: dict[str, Array], knot: Array, even: Array) -> A
 
 
 def _turns(values: Array) -> int:
-    """How often a line turns round."""
+    """Number of turning points of a line."""
     rises = np.sign(np.diff(values))
     rises = rises[rises != 0.0]
     return int(np.count_nonzero(rises[1:] != rises[:-1]))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def verdict(result: Result) -> dict[str, Any]:
-    """What a result says of itself, for the line that is always visible."""
+    """Verdict of a result, for the status line."""
     said = result.summary()
     certificate = result._said.certificate
     return {

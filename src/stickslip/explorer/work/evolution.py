@@ -38,7 +38,7 @@ _RAYS = 360  # points of a boundary
 
 
 def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
-    """What is declared, with its sets; then the motion of the average; then the motion itself.
+    """The declaration with its sets; then the averaged motion; then the motion itself.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def _declared(text: str) -> EvolutionModel:
 
 
 def _costs(model: EvolutionModel, shown: int) -> tuple[list[dict[str, Any]], dict[str, Array]]:
-    """What it costs to move each component forwards and backwards, over a phase and on average; in
-    the plane also the sets themselves."""
+    """Costs of moving each component forward and backward, over a phase and on average; in the
+    plane also the sets."""
     from stickslip.rate_independent.sets.plane import stable_boundary
 
     potential = model.potential

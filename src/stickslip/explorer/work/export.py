@@ -107,7 +107,7 @@ def model_of(setting: PageSetting) -> str:
 
 
 def file_named(name: str, ending: str = "toml") -> str:
-    """What a file is called that holds a system: its name may be any text."""
+    """File name for a system, whose name may be any text."""
     plain = re.sub(r"[^\w.+-]+", "_", name).strip("._-")
     return f"{plain or 'system'}.{ending}"
 

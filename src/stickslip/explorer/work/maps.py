@@ -90,7 +90,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def offer_measures(request: Request, patience: Patience) -> Iterator[Answer]:
-    """What a map may show, as the library knows it; what is most likely wanted comes first."""
+    """Measures that a map may show, the most common ones first."""
     from stickslip.sweeps.request.user_measures import offered_measures
 
     system, _ = system_of(request.setting)

@@ -29,7 +29,7 @@ _GRAPH = 81  # points of the small graph of a function
 
 
 def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
-    """What a page shows of a model."""
+    """Description of a model for a page."""
     system, numbers = system_of(request.setting)
     graphs, arrays = _graphs(system, values_of(system, numbers))
     yield Answer(

@@ -59,7 +59,7 @@ def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
 
 
 def _seen(motion: Trajectory, window: tuple[float, float] | None) -> Answer:
-    """What is drawn of a motion."""
+    """Curves of a motion."""
     about = lines_of(motion.system, tuple(motion.final), tuple(motion.modes))
     names = list(about["symbols"])
     times, index, values = seen_times(motion, names, window)
@@ -92,8 +92,8 @@ def _modes(arrays: dict[str, Array]) -> dict[str, Array]:
 
 @lru_cache(maxsize=32)
 def lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...]) -> dict[str, Any]:
-    """What is drawn of every motion of a system, and how it is written; a drag asks for it again
-    and again."""
+    """Lines drawn for all motions of a system, with their symbols; cached, since dragging a slider
+    requests them repeatedly."""
     groups = _groups(system, states, contacts)
     names = list(dict.fromkeys(name for group in groups for name in group["names"]))
     return {
@@ -114,8 +114,8 @@ def unit_of(system: System, name: str) -> str:
 def _groups(
     system: System, known: tuple[str, ...], contacts: tuple[str, ...]
 ) -> list[dict[str, Any]]:
-    """Which lines belong together: quantities of a kind and a unit, and each friction force with
-    its thresholds."""
+    """Groups of lines: quantities of the same kind and unit, and each friction force with its
+    thresholds."""
     coordinates = system.places
     rates = [r for r in (f"d_{x}" for x in coordinates) if r in known or r in system.unknowns]
     modes = {x for own in system.declaration.bodies for q in own for x in (q, f"d_{q}")}

@@ -38,7 +38,7 @@ def chosen_measures(data: xarray.Dataset, measures: Sequence[str] | None) -> lis
 
 
 def uncertified(data: xarray.Dataset, name: str) -> Array:
-    """Where something is shown that has no certificate."""
+    """Points that are shown without a certificate."""
     certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
     if "lacking" in data:  # maps of the first format have none
         certified = data["lacking"].values == LACKING.index("nothing")

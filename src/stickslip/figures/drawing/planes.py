@@ -221,7 +221,7 @@ class InPlane:
         )
 
     def place_labels(self) -> tuple[str, str]:
-        """What is written at the axes of the path."""
+        """Labels of the axes of the path."""
         assert self.directions is not None
         first, second = (self._label(weights) for weights in self.directions)
         return first, second
@@ -237,7 +237,7 @@ class InPlane:
         return said.strip() + (f"  [{label}]" if label else "")
 
     def force_labels(self) -> tuple[str, str]:
-        """What is written at the axes of the force."""
+        """Labels of the axes of the force."""
         units = [
             quantity(self.trajectory.system, f"friction_{part}").get("units", "")
             for part in self.parts

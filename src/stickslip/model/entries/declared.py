@@ -48,7 +48,7 @@ IMPACT_LAWS = ("together", "in turn")
 
 
 class Kind(StrEnum):
-    """What a coordinate does with a force: it accelerates, moves, or stays in balance."""
+    """Kind of a coordinate: inertial, viscous, or rate-independent."""
 
     INERTIAL = "inertial"
     VISCOUS = "viscous"

@@ -14,5 +14,5 @@ def key_of(name: str) -> str:
 
 
 def normal_force(contact: str) -> str:
-    """What the normal force of a contact that can open is called in formulas."""
+    """Name of the normal force of a contact in formulas."""
     return NORMAL + key_of(contact)

@@ -41,7 +41,7 @@ LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What the values of a surface lie in, cell by cell.
+    """Bounds of the values of a surface, cell by cell.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class PiecewisePolynomial:
 
     @cached_property
     def smoothness(self) -> int:
-        """How many derivatives are continuous, but for rounding; −1 if it jumps."""
+        """Number of continuous derivatives, up to rounding; −1 if it jumps."""
         length = np.diff(self.breaks)[:-1]
         for order in range(self.coefficients.shape[1]):
             factors = self.factors("even", order)
@@ -225,7 +225,7 @@ class PiecewisePolynomial:
         return total
 
     def factors(self, side: str, order: int) -> list[float]:
-        """What the coefficients of a derivative are multiplied with."""
+        """Factors of the coefficients of a derivative."""
         width = self.table(side).shape[1]
         return [float(math.perm(j + order, order)) for j in range(width - order)]
 
@@ -497,14 +497,14 @@ class TableRow(Function):
 
     @property
     def called(self) -> str:
-        """How formulas call the table, its derivative or its integral."""
+        """Name of the table, its derivative or its integral in formulas."""
         name, order = self.pieces.called, self.order
         if name.startswith(INTEGRAL) and order > 0:
             name, order = name.removeprefix(INTEGRAL), order - 1
         return f"{'d_' * order}{name}" if name else ""
 
     def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
-        """What a surface lies in, from the intervals of its arguments."""
+        """Enclosure of a surface, from the intervals of its arguments."""
         surface = self.pieces.surface if self.sampled else None
         if surface is None or (x := _first_argument(e, surface)) is None:
             return None
@@ -535,5 +535,5 @@ class TableRow(Function):
         return True
 
     def enclosed(self, a: Interval) -> Interval:
-        """What its values lie in, exactly."""
+        """Exact range of its values."""
         return self.pieces.bounds(a, self.side, self.order)

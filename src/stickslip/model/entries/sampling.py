@@ -19,7 +19,7 @@ _FINEST = 64  # the common period is at least this part of the shortest one
 
 
 class Sampling(NamedTuple):
-    """What is sampled at the times offset + k·period.
+    """Variables that are sampled at the times offset + k·period.
 
     Attributes
     ----------

@@ -89,8 +89,8 @@ def check_unit(text: str, where: str) -> str:
 
 
 def _meant(name: str) -> list[str]:
-    """What an unknown unit may stand for: a word, other capitals, two units without a sign between
-    them, or a slip."""
+    """Suggestions for an unknown unit: a word, other capitals, a missing operator, or a
+    misspelling."""
     word = name.lower()
     for form in (word, word.removesuffix("s")):
         if form in _WORDS:

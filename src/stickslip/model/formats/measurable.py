@@ -14,7 +14,7 @@ UnitKind = Literal[
 
 
 class Measurable(NamedTuple):
-    """What a named measure is.
+    """A named measure.
 
     Attributes
     ----------

@@ -149,7 +149,7 @@ def link_beside(rows: Rows, link: int, o: int) -> int:
 
 @compiled()
 def falls_along(rows: Rows, space: Space, i: int) -> float:
-    """How fast the square of what is left falls along a ray."""
+    """Decrease of the squared residual along a ray."""
     cones, ray = space.cones, space.rays[i]
     mq = rows.sizes[ON_INERTIAL]
     total = 0.0

@@ -392,8 +392,8 @@ def put_velocities(rows: Rows, space: Space) -> None:
 
 @compiled()
 def set_in_motion(rows: Rows, space: Space, mode: Array) -> int:
-    """How many contacts slip in a mode that were at rest and have a static friction of their
-    own."""
+    """Number of contacts that slip in a mode, were at rest, and have static above kinetic
+    friction."""
     work = space.impact
     found = 0
     for c in inertial_contacts(rows):

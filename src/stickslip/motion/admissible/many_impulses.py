@@ -495,7 +495,7 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
 
 @compiled()
 def change_modes(rows: Rows, space: Space, mode: Array, together: bool) -> int:
-    """How many contacts are in a wrong mode; they change it, all of them or the first one."""
+    """Number of contacts in a wrong mode; all of them, or only the first, are switched."""
     work = space.impact
     strong = 0.0
     fast = 0.0

@@ -299,7 +299,7 @@ def advance_signal(s: SignalSum, start: float, valued: bool) -> float:
 
 @compiled()
 def window_of(s: SignalSum, j: int, start: float) -> float:
-    """How long the Taylor polynomial of an exponential at a time is good."""
+    """Interval in which the Taylor polynomial of an exponential is accurate."""
     size = abs(s.lam[j])
     if size == 0.0 or s.a[j] == 0.0j:
         return np.inf

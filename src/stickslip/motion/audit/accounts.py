@@ -45,7 +45,7 @@ ENERGY_BALANCE, FRICTION_LAW, EQUATIONS, OWN_ROUNDING = range(4)
 
 
 class Tally(NamedTuple):
-    """What an audit adds up, motion by motion.
+    """Sums and maxima of an audit, for each motion.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def make_tally(rows: Rows) -> Tally:
 
 
 class Steps(NamedTuple):
-    """What an audit says of every step.
+    """Results of an audit for each step.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ def make_steps(count: int, n: int) -> Steps:
 
 
 class Accounts(NamedTuple):
-    """What an audit receives: zeros for each step, and what it adds to."""
+    """Arrays that receive the results of an audit, for each step and in total."""
 
     steps: Steps
     tally: Tally

@@ -333,7 +333,7 @@ def shared_room(
 
 @compiled()
 def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
-    """How far a contact that rests is from its threshold, in parts of its force.
+    """Distance of a resting contact from its threshold, relative to its force.
 
     Parameters
     ----------
@@ -361,7 +361,7 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
 
 @compiled()
 def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
-    """How far what adheres is from being torn off, in parts of its force.
+    """Distance of an adhering contact from opening, relative to its force.
 
     Parameters
     ----------

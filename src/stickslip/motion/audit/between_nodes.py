@@ -124,7 +124,7 @@ def enclose(
 
 @compiled(relaxed=RELAXED)
 def slope_range(c: Array, N: int, powers: Array) -> float:
-    """How far the derivative of a polynomial strays from its first value on a disc."""
+    """Deviation of the derivative of a polynomial from its first value on a disc."""
     total = 0.0
     for k in range(2, N + 1):
         total += k * abs(c[k]) * powers[k - 1]
@@ -133,13 +133,13 @@ def slope_range(c: Array, N: int, powers: Array) -> float:
 
 @compiled()
 def strays(disc: Array, factor: float) -> float:
-    """What a row may do between the nodes."""
+    """Bound of the deviation of a row between the nodes."""
     return factor * disc[BALL] + 2.0 * (1.0 + LEBESGUE) * disc[OFF]
 
 
 @compiled()
 def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
-    """What the residual of a part of the state may do between the nodes."""
+    """Bound of the residual of a part of the state between the nodes."""
     return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
 
 

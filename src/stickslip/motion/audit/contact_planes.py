@@ -124,7 +124,7 @@ def sample_plane(
 
 @compiled()
 def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
-    """What a product of two rows may do between the nodes.
+    """Bound of the deviation of a product of two rows between the nodes.
 
     Parameters
     ----------

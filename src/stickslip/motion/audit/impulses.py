@@ -331,8 +331,8 @@ def is_slow(found: Array, c: int, trial: int) -> bool:
 
 @compiled(brief=True)
 def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int) -> float:
-    """What impulses do not explain, by coordinate and by contact; the largest of it, in the metric
-    of M, as a part of the jump.
+    """The part of a jump that impulses do not explain, by coordinate and by contact; its largest
+    value, in the metric of M, relative to the jump.
 
     Parameters
     ----------

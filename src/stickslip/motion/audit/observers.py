@@ -28,7 +28,7 @@ _DEEPEST = 40  # halvings
 
 
 class Sums(NamedTuple):
-    """What has been observed of a motion (or, with a leading axis, of every lane).
+    """Observations of a motion (or, with a leading axis, of every lane).
 
     Attributes
     ----------
@@ -134,8 +134,8 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
 
 @compiled()
 def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
-    """Where the slope of a polynomial of degree d changes its sign between a and b, at which it is
-    rising or not: Newton's method inside a bracket.
+    """Zero of the slope of a polynomial of degree d between a and b, by Newton's method inside a
+    bracket.
 
     Parameters
     ----------

@@ -250,7 +250,7 @@ def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: floa
 def look_at_jumps(
     flow: Flow, lane: Lane, task: Task, count: int, due: int
 ) -> tuple[int, int, bool]:
-    """What jumps have to do with the mode that was found.
+    """Take declared jumps of the state into account for the mode that was found.
 
     Parameters
     ----------

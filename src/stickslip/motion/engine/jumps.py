@@ -46,7 +46,7 @@ def due_jump(rows: Rows, cause: int, reg: Array) -> int:
 
 @compiled()
 def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
-    """How many jumps fire between two lists of regions, and the first of them."""
+    """Number of jumps that fire between two lists of regions, and the first of them."""
     count = 0
     first = NOWHERE
     for j in range(len(rows.jumps)):

@@ -52,7 +52,7 @@ NUMBER, _DEGREE = range(2)
 
 
 class GuardRow(NamedTuple):
-    """What must be nonnegative in a mode: sign·W[row] + W[shift].
+    """A row that must be nonnegative in a mode: sign·W[row] + W[shift].
 
     Attributes
     ----------

@@ -144,7 +144,7 @@ def _followed(
 
 
 def sums_of(problem: Problem, knots: Knots, seen: Array) -> Sums:
-    """What a motion amounts to, piece by piece.
+    """Measures of a motion, piece by piece.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ SLIP_WORD = "slip"  # in a plane, where it has no sign
 
 
 class Switches:
-    """What the contacts of a motion do from knot to knot, as a person reads of them.
+    """Modes of the contacts of a motion from knot to knot, in readable form.
 
     The engine has a contact for each direction, one for what slips as one, and numbers for modes;
     here they have the names of the declaration.
@@ -180,7 +180,7 @@ class Switches:
 
     @cached_property
     def jumped(self) -> Array:
-        """Which jumps each step ends with, shape (steps, jumps)."""
+        """Jumps at the end of each step, shape (steps, jumps)."""
         k = self.knots
         jumps = self.equations.jumps
         found = np.zeros((len(k.clock) - 1, len(jumps)), bool)

@@ -94,7 +94,7 @@ EMPTY_WORD = 1  # of a motion that has been in no mode yet
 
 
 class Rows(NamedTuple):
-    """Where things are in the tables of Taylor coefficients and magnitudes.
+    """Positions of quantities in the tables of Taylor coefficients and magnitudes.
 
     Attributes
     ----------
@@ -386,7 +386,7 @@ class Space(NamedTuple):
 
 
 class Lane(NamedTuple):
-    """Where one motion is.
+    """State of one motion.
 
     Attributes
     ----------
@@ -431,7 +431,7 @@ class Record(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What is asked of a call of the event loop.
+    """Arguments of a call of the event loop.
 
     Attributes
     ----------
@@ -489,7 +489,7 @@ FlowOfMany = Annotated[Flow, "many k"]
 
 
 class Instant(NamedTuple):
-    """Where a motion is: time, state, mode of each contact and region of each kink."""
+    """A point of a motion: time, state, mode of each contact and region of each kink."""
 
     t: float
     y: Vector

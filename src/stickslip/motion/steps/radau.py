@@ -140,7 +140,7 @@ def stages_of(flow: Flow) -> Stages:
 
 @compiled()
 def tables_of(order: int) -> int:
-    """Where the nodes and matrices of an order stand."""
+    """Positions of the nodes and matrices of an order."""
     return (order - _LOWEST) // _APART
 
 

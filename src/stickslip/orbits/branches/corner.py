@@ -78,8 +78,7 @@ class BeyondCorner:
     towards: Array
 
     def gap(self, corner: Array, on_edge: bool = False) -> Residual:
-        """How far the branch is from the corner that it comes from, followed back along its
-        direction.
+        """Distance of the branch from its corner, followed back along its direction.
 
         Parameters
         ----------
@@ -99,7 +98,7 @@ class BeyondCorner:
 
 @dataclass(frozen=True)
 class Corner:
-    """Where a branch changes its direction.
+    """A corner, at which a branch changes its direction.
 
     Attributes
     ----------

@@ -216,7 +216,7 @@ class _Follower:
         return stations, follow_branch(start, onward, "no further cycle was found", found)
 
     def _values(self, cycle: Cycle) -> dict[str, float]:
-        """What is known of a cycle at once."""
+        """Quantities of a cycle that are known without further computation."""
         values = {"period": cycle.period}
         for (name, value), (low, high) in zip(cycle.state.items(), cycle.ranges, strict=True):
             values |= {name: value, f"min_{name}": float(low), f"max_{name}": float(high)}
@@ -378,7 +378,7 @@ class _Follower:
     # -- ends --------------------------------------------------------------------------------------
 
     def _end(self, path: Path, stations: list[_Station], before: int) -> Ending | None:
-        """Why the branch ends here, if it does."""
+        """Reason for the end of the branch, if it ends here."""
         if path.ended.stop in (*BROKEN_OFF, Stop.RANGE):
             return path.ended
         if path.ended.stop is Stop.EVENT and path.ended.test != "carried":

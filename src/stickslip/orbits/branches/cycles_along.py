@@ -40,8 +40,8 @@ _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutr
 
 
 class Spacing:
-    """How far cycles of a branch are from each other: the largest change of parameters, period and
-    ranges of the state.
+    """Distance of cycles of a branch: the largest change of parameters, period and ranges of the
+    state.
 
     Parameters are measured in their ranges, ranges of the state in the largest modulus of their
     component up to now.
@@ -209,7 +209,7 @@ def _peaks(system: System, cycles: list[Cycle]) -> dict[str, Any]:
 
 
 def _times(system: System, cycles: list[Cycle]) -> dict[str, Any]:
-    """How long every contact sticks, and is open."""
+    """Time in which each contact sticks, and is open."""
     data: dict[str, Any] = {}
     unit = cycles[0].units["time"]
     for name in cycles[0].contacts:

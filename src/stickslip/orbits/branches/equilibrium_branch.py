@@ -449,7 +449,7 @@ class _Follower:
         return f"{text}; the branch " + ("turns back" if turned else "continues")
 
     def _special(self, station: Station, test: Test, index: int) -> list[SpecialPoint]:
-        """What a zero of a test function is; nothing, if its meaning is another."""
+        """The special point at a zero of a test function, if it is one."""
         steady = station.steady
         x = station.point.x
         data = {}

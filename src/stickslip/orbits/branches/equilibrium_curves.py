@@ -233,7 +233,7 @@ class _Extended:
 
 @dataclass(frozen=True)
 class _Curve:
-    """Where a curve starts and how far it may go."""
+    """Start and range of a curve."""
 
     steady: Steady
     y: Array

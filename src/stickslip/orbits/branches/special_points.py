@@ -50,7 +50,7 @@ _FINE = 1e-11  # corrector's tolerance where a change is located
 
 @dataclass(frozen=True)
 class Happening:
-    """What happens at a point of a branch: its name, in words, and how well it is solved."""
+    """A special point of a branch: its kind, description, and residuals."""
 
     kind: str
     note: str
@@ -290,7 +290,7 @@ class _Approach:
     margin : float
         Its modulus there.
     expected : float
-        Where it will vanish; infinite if it does not fall.
+        Extrapolated zero; infinite if it does not decrease.
     """
 
     def __init__(self, at: float, value: float) -> None:
@@ -307,7 +307,7 @@ class _Approach:
         self._error = abs(self.expected - before)
 
     def _vanishes(self) -> float:
-        """Where it will vanish; infinite if it does not fall."""
+        """Extrapolated zero; infinite if it does not decrease."""
         points = self._points
         if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
             points = points[-2:] if points[-1][0] < points[-2][0] else []
@@ -369,7 +369,7 @@ def is_flat(path: Path, crossing: Crossing) -> bool:
 
 
 def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happening | None:
-    """What a zero of a test function is, and how well it is solved; None if it has no meaning.
+    """The special point at a zero of a test function, with its residuals; None if it is none.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class CurveProblem:
 
 @dataclass(frozen=True)
 class Start(Generic[_T]):
-    """Where a stretch begins.
+    """Start of a piece of a branch.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ Tests = Callable[[Array, Array], Mapping[Test, float]]
 
 
 class Stop(Enum):
-    """Why a curve is not followed further."""
+    """Reasons for the end of a curve."""
 
     RANGE = "end of the range"
     EVENT = "something happens"
@@ -54,7 +54,7 @@ class Limit(NamedTuple):
     side: float
 
     def room(self, x: Array) -> float:
-        """How far a point is from it; negative beyond."""
+        """Distance of a point from it; negative beyond."""
         return self.side * (self.value - float(x[self.component]))
 
 

@@ -267,7 +267,7 @@ class Cycle(Result):
 
     @property
     def _sums(self) -> Sums:
-        """What contacts do in the period."""
+        """Sums over the period, by contact."""
         return self.trajectory.audit.shares
 
     @property
@@ -582,7 +582,7 @@ def _complex(pairs: Sequence[Sequence[float]]) -> Array:
 
 
 def make_cycle(closed: Closed) -> Cycle:
-    """What Newton's method has closed, as a result."""
+    """The closed orbit as a result."""
     problem = closed.orbit.problem
     return Cycle(problem.system, dict(problem.parameters), closed)
 

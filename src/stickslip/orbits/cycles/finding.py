@@ -397,7 +397,7 @@ class _Search:
         extents: tuple[float, float],
         exponent: Exponent | None,
     ) -> ConvergenceError:
-        """What was seen of a motion on which no cycle was found."""
+        """Observations of a motion on which no cycle was found."""
         reached = f"no cycle was found within t = {until:.6g}: the motion "
         reached += (
             f"returns at best to within {closest.distance:.2g} of its size, after "

@@ -53,7 +53,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class ContactShare:
-    """What a contact does in a period.
+    """Stick time, slip time and dissipated energy of a contact in a period.
 
     Attributes
     ----------

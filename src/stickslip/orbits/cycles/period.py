@@ -84,7 +84,7 @@ def _rounds(closed: Closed) -> int:
 
 
 def _turning_points(closed: Closed) -> int:
-    """How often the component that turns most often has a maximum in a period."""
+    """Largest number of maxima of a component in a period."""
     k = closed.orbit.motion.knots
     shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)

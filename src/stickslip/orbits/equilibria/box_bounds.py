@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Enclosures(NamedTuple):
-    """What holds of m conditions on N boxes.
+    """Enclosures of m conditions on N boxes.
 
     Attributes
     ----------

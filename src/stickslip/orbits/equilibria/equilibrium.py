@@ -443,7 +443,7 @@ def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
 
 
 def _interval(name: str, low: float, high: float) -> str:
-    """Where a state lies in a set."""
+    """Range of a state in a set, as text."""
     if low == high:
         return f"{name} = {low:.9g}"
     if math.isinf(low) and math.isinf(high):
@@ -463,7 +463,7 @@ def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
 
 
 def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
-    """What happens where a guard vanishes."""
+    """Description of the event at a zero of a guard."""
     kinks = len(equations.kinks)
     if guard.switch < kinks:
         return boundary(equations.kinks[guard.switch])

@@ -35,7 +35,7 @@ _GAIN = 1e-10  # of 1 + its modulus: a larger box that gains less does not bound
 
 @dataclass(frozen=True)
 class Conditions:
-    """What holds in a set: equations, inequalities and the unknowns they restrict.
+    """Conditions of a set: equations, inequalities and the unknowns that they restrict.
 
     Attributes
     ----------

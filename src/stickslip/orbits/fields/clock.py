@@ -32,7 +32,7 @@ _MOST_PERIODS = 24  # periods of each drive in the longest common period that is
 
 
 class Drives(NamedTuple):
-    """What drives a system, for given parameters.
+    """The drives of a system, for given parameters.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ Slopes = dict[str, Expr]
 
 @dataclass(frozen=True)
 class Reading:
-    """Where some names stand in formulas.
+    """Occurrences of some names in formulas.
 
     Attributes
     ----------
@@ -217,7 +217,7 @@ def read_formulas(
     constant: Iterable[str] = (),
     since: float = -math.inf,
 ) -> Reading:
-    """Where some names stand in formulas.
+    """Occurrences of some names in formulas.
 
     Parameters
     ----------

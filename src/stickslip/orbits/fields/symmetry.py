@@ -69,7 +69,7 @@ class Symmetry:
         return along + self.cells @ cells
 
     def counted(self, shift: Array, sizes: Array) -> Array:
-        """How many cells are in a shift, the nearest whole numbers."""
+        """Number of cells in a shift, rounded."""
         every = np.hstack([self.cells, self.shifts]) / sizes[:, None]
         parts = np.linalg.lstsq(every, shift / sizes, rcond=None)[0]
         return np.rint(parts[: self.cells.shape[1]])

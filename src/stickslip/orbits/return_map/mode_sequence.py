@@ -147,7 +147,7 @@ def _phases(s: Sequence) -> str:
 
 
 def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
-    """What is different in two phases."""
+    """Difference of two phases."""
     from stickslip.equations.field import mode_name
 
     def said(contact: str, m: int, n: int) -> str:

@@ -95,7 +95,7 @@ class KnownShift:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a cycle is a cycle of.
+    """The setting of a cycle: system, symmetries, section.
 
     Attributes
     ----------

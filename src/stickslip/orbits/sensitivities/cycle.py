@@ -36,7 +36,7 @@ _DIFFERENCE = 1e-3  # first step of differences of multipliers, in units of the 
 
 @dataclass(frozen=True)
 class Moved:
-    """How a cycle changes with one parameter.
+    """Derivative of a cycle with respect to one parameter.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _unit(system: System, name: str) -> str:
 
 
 def _said(system: System, measure: str) -> dict[str, str]:
-    """What is said of the derivative of a measure."""
+    """Attributes of the derivative of a measure."""
     said = described(system, measure)
     return {**said, "long_name": f"derivative of {said['long_name']}", "per": "parameter_units"}
 

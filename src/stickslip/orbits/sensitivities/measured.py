@@ -216,7 +216,7 @@ class _Changing:
 
     @cached_property
     def dissipated(self) -> _Value:
-        """What is dissipated in the period: what is supplied, less the gain of energy."""
+        """Energy dissipated in the period: the supplied energy minus the gain of energy."""
         supplied = self.integral(Observation(SUPPLY_RATE, ex.sym(SUPPLY_RATE)))
         first, last = self.ends(self.observed("energy"))
         found = supplied - (last - first)
@@ -291,7 +291,7 @@ def _mean(c: _Changing, of: str) -> _Value:
 
 
 def _energy(c: _Changing, of: str) -> _Value:
-    """What is dissipated, in all, or by the friction of a contact."""
+    """Dissipated energy, in total or by the friction of a contact."""
     if not of:
         return c.dissipated
     system = c.cycle.system

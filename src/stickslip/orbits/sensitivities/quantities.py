@@ -79,7 +79,7 @@ class Observation(NamedTuple):
 
 
 def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Observation, ...]:
-    """What is observed of a motion: names, or formulas of names, outputs among them.
+    """Requested quantities of a motion: names, outputs, or formulas of these.
 
     Raises
     ------

@@ -25,7 +25,7 @@ _MOST = 256  # states among which combinations are looked for
 
 
 class Lattice(NamedTuple):
-    """What repeats in space for some motions.
+    """Spatial periods of some motions.
 
     Attributes
     ----------

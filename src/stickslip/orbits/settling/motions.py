@@ -123,7 +123,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Observed:
-    """What compiled code has found of some points.
+    """Observations of some points by compiled code.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Invariance(NamedTuple):
 
 
 class Loops(Protocol):
-    """Where the compiled loops of a block run."""
+    """Interface of the device of the compiled loops: CPU or GPU."""
 
     def advance(self) -> None:
         """Let all motions go on until they are done or wait for the host."""
@@ -488,7 +488,7 @@ def _flagged_engine(engine: Engine) -> Engine:
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
-    """How motions of a system settle and are measured."""
+    """Criteria for settled motions of a system, and their measures."""
     system = problem.system
     layout = problem.compiled.layout
     span = system.span[1] - system.span[0]

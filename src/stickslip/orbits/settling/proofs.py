@@ -62,7 +62,7 @@ _LATER = 0.5  # part of the time gone by after which a proof is tried again
 
 
 class Fates(NamedTuple):
-    """What becomes of some motions.
+    """Long-term outcomes of some motions.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ _WHOLE = 1e-9  # relative distance from a whole number of periods
 
 @dataclass(frozen=True)
 class Repetition:
-    """What time does to a system."""
+    """Effect of time on a system."""
 
     equations: MotionEquations
 
@@ -64,7 +64,7 @@ class Repetition:
 
 
 def _advance(slopes: Slopes, velocity: Mapping[str, float]) -> float:
-    """How fast a line or phase advances."""
+    """Rate of a line or phase."""
     terms = [ex.number(slope) * velocity[name] for name, slope in slopes.items()]
     total = math.fsum(terms)
     return total if abs(total) > MAKES_UP * math.fsum(map(abs, terms)) else 0.0

@@ -26,7 +26,7 @@ _NEWTON = 20
 
 
 class MotionPoint(NamedTuple):
-    """Where a motion is, and in which units.
+    """State of a motion, and its units.
 
     Attributes
     ----------

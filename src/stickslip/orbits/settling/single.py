@@ -21,7 +21,7 @@ _MOST_EVENTS = 1 << 60
 
 @dataclass(frozen=True)
 class Settled:
-    """Where a motion is when it has settled, or is given up.
+    """State of a motion that has settled or is abandoned.
 
     Attributes
     ----------

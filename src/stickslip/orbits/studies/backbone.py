@@ -437,7 +437,7 @@ def _result(
 
 
 def _measured(system: System, linear: LinearMode, one: AtAmplitude) -> dict[str, float]:
-    """What is said of a cycle."""
+    """Measures of a cycle."""
     cycle = one.cycle
     frequency = 2.0 * np.pi / cycle.period
     excitation = cycle.parameters[EXCITATION]

@@ -36,7 +36,7 @@ State = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Threshold:
-    """Where a parameter begins to make a system move.
+    """Threshold of a parameter at which a system begins to move.
 
     Attributes
     ----------

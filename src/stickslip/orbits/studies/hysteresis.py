@@ -79,7 +79,7 @@ class PiecewiseAffine:
         return inside + self.slopes[0] * left + self.slopes[1] * right
 
     def crossings(self, level: float) -> Array:
-        """Where the curve passes a level, in rising order."""
+        """Points at which the curve crosses a level, in ascending order."""
         ends = self.nodes[[0, -1]] + _beyond(self, level)
         x = np.array([ends[0], *self.nodes, ends[1]])
         h = self(x) - level

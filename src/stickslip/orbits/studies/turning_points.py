@@ -61,7 +61,7 @@ class SwingTrace:
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Where a quantity turns.
+    """Turning points of a quantity.
 
     Attributes
     ----------

@@ -65,7 +65,7 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
 
 
 def vanishing(thresholds: Array) -> NDArray[np.bool_]:
-    """Which thresholds count as 0."""
+    """Thresholds that count as 0."""
     return thresholds <= VANISHING_THRESHOLD * float(thresholds.max())
 
 

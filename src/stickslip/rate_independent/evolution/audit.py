@@ -71,7 +71,7 @@ class EnergyFlow:
 
 @dataclass(frozen=True)
 class EvolutionState:
-    """Where an evolution stands: z(t), and what the next step has to know of it."""
+    """State of an evolution: z(t), and the data for the next step."""
 
     t: float
     z: Array

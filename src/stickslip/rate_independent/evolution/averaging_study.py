@@ -260,7 +260,7 @@ def _intervals(n: int) -> int:
 def _dataset(
     epsilons: Array, motions: list[tuple[Motion, Gauge]], limit: tuple[Motion, Gauge], grid: Array
 ) -> xarray.Dataset:
-    """What was measured, over ε."""
+    """Measured values, over ε."""
     import xarray as xr
 
     (averaged, limit_gauge), gauges = limit, [gauge for _, gauge in motions]

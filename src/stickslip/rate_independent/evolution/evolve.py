@@ -279,7 +279,7 @@ def _begin(
 
 
 class OutputPlan:
-    """What is kept of an evolution while it runs.
+    """Stored values of a running evolution.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from stickslip.results import Ended
 
 
 class EvolutionOutcome(Ended):
-    """How an evolution ended; ``message`` says what it means and what to do.
+    """Outcome of an evolution; ``message`` explains it and gives a remedy.
 
     Everything computed up to there is kept in the result.
     """

@@ -44,7 +44,7 @@ class PlayState(NamedTuple):
 
 @dataclass(frozen=True)
 class PlayMotion:
-    """What a play does between its nodes; `k` are the numbers of intervals.
+    """A play between its nodes; `k` are the numbers of intervals.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ _FORM = 'Write it like "omega", "omega up", "omega down" or "omega both"'
 
 @dataclass(frozen=True)
 class Carry:
-    """How a map carries the state: along one of its axes, line by line.
+    """The carried state of a map: along one of its axes, line by line.
 
     Attributes
     ----------

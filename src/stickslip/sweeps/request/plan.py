@@ -111,7 +111,7 @@ class Plan:
         }
 
     def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> Difference | None:
-        """How a stored map differs from this one, if it does.
+        """Difference of a stored map from this one, if any.
 
         Parameters
         ----------
@@ -269,7 +269,7 @@ def _varied(system: System, name: str, axis: Axis) -> dict[str, Any]:
 
 
 def _first_difference(there: Any, here: Any, where: str = "") -> str:
-    """Where two trees of tables first differ."""
+    """First difference of two trees of tables."""
     if isinstance(there, dict) and isinstance(here, dict):
         for key in [*there, *(key for key in here if key not in there)]:
             inner = f"{where}.{key}" if where else key

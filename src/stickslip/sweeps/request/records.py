@@ -223,7 +223,7 @@ class Records(Mapping[str, Mapping[str, Samples]]):
 
 
 class Under(NamedTuple):
-    """What a record makes of a system.
+    """A system driven by a record.
 
     Attributes
     ----------
@@ -468,7 +468,7 @@ def _ends(parts: Mapping[str, Samples]) -> bool:
 
 
 def _span(parts: Mapping[str, Samples], name: str = "") -> tuple[float, float]:
-    """What all parts of a record cover."""
+    """Time span covered by all parts of a record."""
     start = max(samples.span[0] for samples in parts.values())
     stop = min(samples.span[1] for samples in parts.values())
     if not start < stop:

@@ -123,7 +123,7 @@ Measure = str | FormulaMeasure | FunctionMeasure
 
 
 def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
-    """What a user wants to be measured.
+    """Read the requested measures.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ _ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is
 
 @dataclass(frozen=True)
 class Handed:
-    """Where a motion has come to.
+    """State reached by a motion.
 
     Attributes
     ----------

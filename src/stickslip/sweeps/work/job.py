@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same at all points of a map, small enough to be sent with every chunk.
+    """Common data of all points of a map, small enough to be sent with every chunk.
 
     Attributes
     ----------

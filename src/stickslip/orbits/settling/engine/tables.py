@@ -72,7 +72,7 @@ DEVICE_LANES = 16_384
 
 
 class Engine(NamedTuple):
-    """What the event loop takes, the same for all lanes; see
+    """Arguments of the event loop that are the same for all lanes; see
     :func:`stickslip.motion.engine.event_loop.integrate`."""
 
     machine: Machine
@@ -85,7 +85,7 @@ class Engine(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """How motions settle and are measured, the same for all lanes.
+    """Criteria for settled motions and their measures, the same for all lanes.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Rules(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What is remembered of every lane.
+    """Stored marks of every lane.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class Marks(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What has been measured of every lane.
+    """Measured values of every lane.
 
     Attributes
     ----------

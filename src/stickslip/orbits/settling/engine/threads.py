@@ -23,7 +23,7 @@ class Desk(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """What all threads have together.
+    """Data shared by all threads.
 
     Attributes
     ----------
