@@ -95,7 +95,7 @@ class KnownShift:
 
 @dataclass(frozen=True)
 class Setting:
-    """The setting of a cycle: system, symmetries, section.
+    """The setting of a cycle: its symmetries, drives, and scales.
 
     Attributes
     ----------
