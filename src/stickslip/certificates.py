@@ -194,7 +194,8 @@ def within(limit: float, values: Iterable[tuple[str, float]]) -> list[Residual]:
 
 
 def worst(certificates: Sequence[Certificate]) -> Certificate:
-    """Of many results of one kind: every residual where it is worst, and whatever is missing."""
+    """The certificate of many results of one kind: the worst value of every residual, and all
+    outcomes and gaps."""
     names = dict.fromkeys(r.name for c in certificates for r in c.residuals)
     chosen = []
     for name in names:

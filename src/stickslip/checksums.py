@@ -28,7 +28,7 @@ _BLOCK = 2**20
 
 
 def with_checksums(data: xarray.Dataset) -> xarray.Dataset:
-    """The same with the table of its checksums.
+    """The dataset with the table of its checksums.
 
     Parameters
     ----------

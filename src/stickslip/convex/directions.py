@@ -42,11 +42,11 @@ class Directions:
     sides: tuple[Expr, ...] = ()
 
     def beside(self, side: Expr) -> Directions:
-        """Those in which one more expression is nonnegative."""
+        """The directions in which one more expression is nonnegative."""
         return replace(self, sides=(*self.sides, side))
 
     def without(self, name: str, value: Expr) -> Directions:
-        """Those of a hyperplane, on which one component is a function of the others."""
+        """The directions of a hyperplane, on which one component is a function of the others."""
         sides = tuple(ex.substitute(side, {name: value}) for side in self.sides)
         names = tuple(other for other in self.names if other != name)
         return Directions(names, self.others, tuple(s for s in sides if s.symbols & {*names}))

@@ -106,7 +106,7 @@ class MotionEquations:
 
     @cached_property
     def formulas(self) -> list[Expr]:
-        """All that the motion depends on."""
+        """All formulas on which the motion depends."""
         found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
         found += self.implicit.values()
         found += self.inertia
@@ -239,9 +239,9 @@ class MotionEquations:
 
     @cached_property
     def sharing(self) -> dict[int, int]:
-        """Of contacts with mass that may hold the same coordinates, with friction in a plane, which
-        such group each belongs to: their directions may depend on each other. What has a formula
-        is in a group, too, alone or not: how long it holds is asked of its support function."""
+        """Groups of contacts with mass that may hold the same coordinates, with friction in a
+        plane, so that their directions may depend on each other. A contact with a formula is always
+        in a group, since its support function determines how long it sticks."""
         massive = [c for c in self.contacts if c.kind == Kind.INERTIAL]
         pairs = [plane.parts for plane in self.planes if plane.parts[0] < len(massive)]
         if not pairs:

@@ -25,7 +25,7 @@ MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 @dataclass(frozen=True)
 class ContactField:
     """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u
-    < 0); of a normal direction s⁺ is the pull that it holds.
+    < 0); for a normal direction s⁺ is the adhesion.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Field:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names the expressions depend on: t, the state, the parameters."""
+        """All names in the expressions: t, the state, the parameters."""
         return ("t", *self.state, *self.parameters)
 
     @cached_property

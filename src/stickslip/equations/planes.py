@@ -226,7 +226,7 @@ def _check_turning(
 
 
 def _dependent(normals: list[int], contacts: list[DryContact]) -> set[int]:
-    """Those of the normal forces of a body that its motion does not tell, where all are at work.
+    """The normal forces of a body that its motion does not determine, if all of them act.
 
     Their directions depend on those of others, and so do their gaps, or they are not closed at the
     same time: a floor and a ceiling are not. Both are looked at in one point, which is nothing

@@ -108,7 +108,7 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
 
 
 def _colour_of(code: int) -> str:
-    """Of motions that are on no attractor."""
+    """Colour of motions that are on no attractor."""
     return REGIMES[_UNSETTLED[code]] if code in _UNSETTLED else _OTHERS[ON_NONE[code]]
 
 

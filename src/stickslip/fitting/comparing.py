@@ -163,7 +163,7 @@ class Comparison(Result):
         return plot_comparison(self, ax)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """All numbers; those of the fits have the number of the fit before their names."""
+        """All numbers; those of the fits have the number of the fit as a prefix."""
         import xarray as xr
 
         parts: dict[str, Any] = {}

@@ -81,7 +81,7 @@ class Fit(Result):
 
     @property
     def estimate(self) -> dict[str, float]:
-        """Their values."""
+        """Estimates of the unknowns."""
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     @property

@@ -178,7 +178,7 @@ class Expansion:
         return f"{prefix}{name}[{self.structures[name].key(index)}]"
 
     def unknowns(self) -> dict[str, Indexed]:
-        """Those of structures and their rates, by what they are called."""
+        """Unknowns of structures and their rates, by name."""
         if not self.system.structures:
             return {}
         from stickslip.structures.coordinates import BySymbols

@@ -111,7 +111,7 @@ class FrictionLaw:
         return LawContact(self.name, direction, values, surface_speed, unit)
 
     def known(self) -> dict[str, Parameter]:
-        """All its parameters."""
+        """All parameters of the law."""
         return {**self.parameters, **self.options}
 
     @property

@@ -147,7 +147,7 @@ class DeclaredNames:
 
 
 def measured_drives(drives: Mapping[str, Drive | Table]) -> dict[str, TimeFunction]:
-    """Those of the drives that are no formulas."""
+    """The drives that are not formulas."""
     return {name: drive for name, drive in drives.items() if isinstance(drive, TimeFunction)}
 
 

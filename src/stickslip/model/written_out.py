@@ -56,7 +56,7 @@ _OF_CURVES = ("kind", "outside")  # what laws of points have besides parameters
 
 
 def write_out(system: System) -> System:
-    """The same system written out; the system itself where there is nothing to write out.
+    """The expanded system; the system itself if there is nothing to expand.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def certify_trajectory(trajectory: Trajectory) -> Certificate:
 
 
 def _missed(trajectory: Trajectory, start: Array) -> float:
-    """By how much the first knot misses the start, relative to the size of each component."""
+    """Deviation of the first knot from the start, relative to the size of each component."""
     states = trajectory.knots.state
     missed = np.abs(states[0] - start)
     if not np.any(missed):

@@ -27,7 +27,7 @@ def list_laws() -> None:
 
 
 def show_law(name: str, settings: Iterable[str], out: Path | None) -> None:
-    """One law: what it says of a mass, how it is declared, and its loops as a picture.
+    """A single law: the equations of a mass with it, its declaration, and a plot of its loops.
 
     Raises
     ------

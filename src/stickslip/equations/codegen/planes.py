@@ -142,8 +142,8 @@ def _admissible_size(draft: Draft, plane: Plane, given: bool) -> Scalar:
 
 
 def support_stores(draft: Draft) -> list[Store]:
-    """Of the forces −∂R(0) of each formula beside a middle of them: the support function S(w) =
-    R(−w) − w·middle with its first and second derivatives, and that middle, an average of the
+    """For each formula, the set of forces −∂R(0) relative to its middle: the support function S(w)
+    = R(−w) − w·middle with its first and second derivatives, and the middle, an average of the
     forces against slips along both axes."""
     stores = list[Store]()
     w = [ex.sym(f"w{i}") for i in (1, 2, 3)]

@@ -146,7 +146,7 @@ class Arithmetic(Assembly):
         return self.plainly("fdiv", a, b)
 
     def plainly(self, operation: str, a: Operand, b: Operand) -> Register:
-        """One operation, as it stands."""
+        """A single operation."""
         return self._aged(self.new(REAL, f"{operation} double {_real(a)}, {_real(b)}"), a, b)
 
     def total(self, products: Sequence[Pair]) -> Operand:

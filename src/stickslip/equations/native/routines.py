@@ -56,7 +56,7 @@ class Routine(Arithmetic):
         return self.once(("data", name), lambda: self.extract(array, 0, POINTER))
 
     def stride(self, name: str) -> Register:
-        """From a row to the next, in numbers."""
+        """Distance of rows, in numbers."""
         array = self.arguments[name]
         return self.once(("stride", name), lambda: self.extract(array, 2, WHOLE))
 

@@ -63,7 +63,7 @@ class Exported:
         return self.certified == self.motions and self.certified_cycles == self.cycles
 
     def describe(self) -> str:
-        """One line."""
+        """Description in one line."""
         said = [f"{self.path}: {_counted(self.motions, self.certified, 'motion')}"]
         if self.cycles:
             said.append(_counted(self.cycles, self.certified_cycles, "cycle"))

@@ -204,7 +204,7 @@ class Prompt(WSHandler):
 
 
 def questions_in(content: Any, document: Document) -> list[dict[str, Any]]:
-    """Of the changes that a page sends, those of the text that it asks.
+    """The changes of the request text among those that a page sends.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def uncertified(data: xarray.Dataset, name: str) -> Array:
 
 
 def map_title(data: xarray.Dataset) -> str:
-    """Of what it is a map, and how the state was carried."""
+    """Title of a map, and the carried axis."""
     along = how_carried(data)
     title = str(data.attrs["title"])
     if not along:

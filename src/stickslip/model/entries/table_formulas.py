@@ -105,7 +105,7 @@ class SurfaceFunction(TableFunction):
 
 
 def _by_piece(knots: PiecewisePolynomial, x: Expr, even: Expr, odd: Expr) -> Expr:
-    """One thing in even pieces, another in odd ones; the first if there is one piece."""
+    """A select between the values in even and in odd pieces; the first if there is one piece."""
     if len(knots.breaks) == 2:
         return even
     return ex.select(ex.call(knots.rows()["gate"], x), even, odd)

@@ -35,7 +35,7 @@ _FORMS = (
 def columns_of(
     file: str | PathLike[str], time: str, value: str, name: str = ""
 ) -> tuple[Array, Array, Any, tuple[str, str]]:
-    """Two columns of a text file, in which line of it each row stands, and how they are called.
+    """Two columns of a text file, the line numbers of their rows, and their names.
 
     Names that are not given are found, see :meth:`Samples.read`.
 

@@ -94,8 +94,8 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
 def overload(
     flow: Flow, mode: Array, group: int, rank: int, lack: float, full: bool
 ) -> tuple[float, bool]:
-    """By what factor, at least, q is larger than what can be held, which a mechanism proves; and
-    whether it is proved that q can be held, but for a part `lack` of it.
+    """A lower bound of the factor by which q exceeds the strength, proved by a mechanism; and
+    whether it is proved that q can be held, up to a part `lack` of it.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ from stickslip.translator import compiled
 def judge_beginning(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
 ) -> None:
-    """By how much what begins to slip, or to open, with a step could stick.
+    """Margin by which contacts that begin to slip or to open with a step could have stuck.
 
     Where the sliding force is below the threshold, the friction law alone would allow it, and so
     does adhesion: the stated rule is that what can stick sticks. Of several that begin together one
@@ -298,7 +298,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
 def shared_room(
     machine: Machine, flow: Flow, at: Instant, slips: Array, tally: Tally
 ) -> tuple[int, float]:
-    """The same where forces are not unique: the room of those that have most; −1 if there is none.
+    """The same if forces are not unique: the largest margin; −1 if there is none.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally
 
 @compiled()
 def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally) -> None:
-    """By how much the law of a contact in a plane fails on a piece.
+    """Violation of the law of a contact in a plane on a piece.
 
     Parameters
     ----------

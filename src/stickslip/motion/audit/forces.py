@@ -507,8 +507,8 @@ def sample_together(flow: Flow, mode: Array, piece: StepPiece, g: int) -> float:
 
 @compiled()
 def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tally: Tally) -> None:
-    """By how much some forces at least that hold contacts at rest on a piece are too large, where
-    they are not unique.
+    """Smallest violation of the law by forces that hold contacts at rest on a piece, if they are
+    not unique.
 
     Parameters
     ----------

@@ -172,7 +172,7 @@ def steepness(c: Array, N: int, x: float) -> float:
 
 @compiled()
 def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> None:
-    """By how much guards fail on a piece, at the nodes and between them.
+    """Violations of guards on a piece, at the nodes and between them.
 
     What a force or a velocity does within a rounding error of the time is none of theirs.
 
@@ -250,7 +250,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
 def judge_opening(
     rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally
 ) -> None:
-    """By how much g ≥ 0, or N ≥ 0 and g = 0, fail on a piece.
+    """Violations of g ≥ 0, or of N ≥ 0 and g = 0, on a piece.
 
     Parameters
     ----------

@@ -162,8 +162,7 @@ def explain_jump(
 def explain_in_turn(
     machine: Machine, flow: Flow, before: Instant, after: Array, last: float, cause: int
 ) -> None:
-    """The same where contacts have their impacts in turn: there is one answer, once it is known
-    which contacts take part.
+    """The same for sequential impacts, which are unique once the participating contacts are known.
 
     Parameters
     ----------

@@ -187,8 +187,8 @@ def answer_together(rows: Rows, space: Space, mode: Array) -> int:
 
 @compiled()
 def best_of_all(rows: Rows, space: Space, mode: Array, total: int) -> int:
-    """Of the impulses in all modes that obey the law and set as little in motion as they can, those
-    that lose most energy."""
+    """Among the impulses of all modes that obey the law and set as few contacts in motion as
+    possible, those with the largest energy loss."""
     work = space.impact
     tried = space.tried
     least = np.inf

@@ -83,8 +83,8 @@ class Switches:
 
     @cached_property
     def turned(self) -> dict[str, Array]:
-        """Of contacts that may slip back where what they are one with slips forward, whether they
-        do from every knot on, by the names of variables."""
+        """For merged contacts with opposite directions: whether they slip backward after every
+        knot, by the names of variables."""
         equations = self.equations
         if not equations.turning:
             return {}

@@ -542,7 +542,7 @@ def inertial_contacts(rows: Rows) -> Array:
 
 @compiled()
 def inertial_friction(rows: Rows) -> Array:
-    """Those of them that have friction."""
+    """The contacts among them that have friction."""
     return rows.frictional[: rows.massive_frictional]
 
 

@@ -274,8 +274,7 @@ def step_from_rest(W: Array, nq: int, N: int, tol: float, seen: Array) -> float:
 
 @compiled()
 def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
-    """By how much the terms of its rate, if none cancelled, would change a part of the state within
-    a time."""
+    """Change of a part of the state within a time by the terms of its rate, if none cancelled."""
     sizes = rows.program.rate_sizes
     nq = rows.sizes[INERTIAL]
     return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])

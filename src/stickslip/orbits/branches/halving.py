@@ -25,7 +25,7 @@ _MISSED = 1e-6  # distance of a multiplier from −1 where a search ended that j
 
 
 def half_gap(closed: Closed) -> float:
-    """By how much a cycle fails to close after half its period, in units of its largest range.
+    """Closure error of a cycle after half its period, in units of its largest range.
 
     Of a driven system only an even number of the drive's periods can be halved; otherwise it is
     infinite.

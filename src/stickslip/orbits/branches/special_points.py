@@ -399,7 +399,7 @@ def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happen
 
 
 def critical(value: float, off: float) -> Residual:
-    """By how much a multiplier misses the value 1 or −1."""
+    """Distance of a multiplier from the value 1 or −1."""
     return Residual(f"multiplier {'plus' if value < 0.0 else 'less'} 1", abs(off), SOLVED_TO)
 
 

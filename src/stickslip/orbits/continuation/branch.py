@@ -87,7 +87,7 @@ class SpecialPoint:
         return f"<SpecialPoint: {self.describe()}>"
 
     def describe(self) -> str:
-        """One line."""
+        """Description in one line."""
         data = ", ".join(f"{name} = {value:.9g}" for name, value in self.data.items())
         found = self.certificate
         doubt = "" if found.ok else found.verdict

@@ -70,7 +70,7 @@ def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
 
 
 def in_range(limits: Mapping[str, Limit], points: Sequence[Array]) -> Residual:
-    """By how much some points are beyond limits, which they may not be at all."""
+    """Violation of limits by some points; negative inside."""
     beyond = max((-limit.room(x) for limit in limits.values() for x in points), default=0.0)
     return Residual("beyond the range", max(beyond, 0.0), 0.0)
 

@@ -90,12 +90,12 @@ class Cycle(Result):
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """One period."""
+        """One period of the motion."""
         return self.closed.orbit.motion
 
     @cached_property
     def period(self) -> float:
-        """Its period."""
+        """Period of the cycle."""
         return self.closed.orbit.period
 
     @cached_property
@@ -272,7 +272,7 @@ class Cycle(Result):
 
     @property
     def dataset(self) -> xarray.Dataset:
-        """One period."""
+        """One period of the motion."""
         return self.trajectory.dataset
 
     @property
@@ -521,7 +521,7 @@ class Cycle(Result):
         return self.energy_per_distance / weight
 
     def describe(self) -> str:
-        """A few lines."""
+        """Description in a few lines."""
         shown = ", ".join(_in_words(self.multipliers))
         units = self.units
         period, stick, slip, energy = (

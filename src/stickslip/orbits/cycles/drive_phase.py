@@ -48,7 +48,7 @@ def read_drive(system: System, coordinate: str, drive: str | None = None) -> tup
 
 
 def _force_on(system: System, coordinate: str) -> Expr:
-    """All that pushes a coordinate but friction."""
+    """All forces on a coordinate except friction."""
     d = system.declaration
     where = f"coordinates.{coordinate}.force"
     given = d.scope.parse(system.coordinates[coordinate].force, where)

@@ -234,7 +234,7 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
     Parameters
     ----------
     motion : Trajectory
-        One period.
+        One period of the motion.
     shift : array, shape (n,)
         Of the state, in that period.
 
@@ -261,7 +261,7 @@ def harmonics_of(
     Parameters
     ----------
     motion : Trajectory
-        One period.
+        One period of the motion.
     of_state : mapping of str to complex
         Harmonics of all parts of the state.
     """
@@ -381,7 +381,7 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     Parameters
     ----------
     motion : Trajectory
-        One period.
+        One period of the motion.
     formula : str
         Of what results show, see :func:`~stickslip.motion.between.formulas.read_formula`.
 

@@ -27,8 +27,7 @@ _MOVES = 1e-6  # a component that moves by less, in units of its size, does not 
 
 
 def shorter(closed: Closed) -> dict[int, float]:
-    """By how much a cycle fails to close after the p-th part of its period, in units of its size,
-    by primes p.
+    """Closure errors of a cycle after 1/p of its period, in units of its size, by primes p.
 
     These are all primes that may divide the number of its rounds: those of the periods of the
     drive; or those up to the number of times that a component has a maximum.

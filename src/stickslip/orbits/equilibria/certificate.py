@@ -83,8 +83,8 @@ def certify_equilibria(
 
 
 def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Array, Array]:
-    """By how much the eigenvalues at equilibria may be wrong, and how large the terms of the
-    Jacobians are, shapes (points,).
+    """Error bounds of the eigenvalues at equilibria, and sizes of the terms of the Jacobians,
+    shapes (points,).
 
     A Jacobian is known to the rounding of its terms: its own size, and what it changes by with the
     state.

@@ -96,7 +96,7 @@ class Equilibrium:
         return None if self.boundary else decays(self.eigenvalues, self.eigenvalue_error)
 
     def describe(self) -> str:
-        """One line."""
+        """Description in one line."""
         verdict = {
             True: "stable",
             False: "unstable",
@@ -177,7 +177,7 @@ class EquilibriumSet:
         return None if self.eigenvalues is None else decays(self.eigenvalues)
 
     def describe(self) -> str:
-        """One line."""
+        """Description in one line."""
         extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
         wide = [low for low, high in self.extent.values() if low < high and high - low < math.inf]
         how = " (a bounding box)" if len(wide) > 1 and self.dimension > 1 else ""
@@ -189,7 +189,7 @@ class EquilibriumSet:
 
 
 def _plain(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
-    """All that is known of one, for JSON."""
+    """All data of an equilibrium, for JSON."""
     values = found.eigenvalues
     pairs = None if values is None else [[z.real, z.imag] for z in values]
     return {**asdict(found), "eigenvalues": pairs}
@@ -425,7 +425,7 @@ class Equilibria(Result):
 
 
 def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
-    """One of them on a page, as plain data."""
+    """Summary of an equilibrium, as plain data."""
     facts = {
         "state": found.state,
         "modes": found.modes,

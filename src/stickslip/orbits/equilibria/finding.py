@@ -580,7 +580,7 @@ class _Search:
         self.pieces.append((new, joined))
 
     def _normal_forces(self, field: Field | None, y: Array) -> dict[str, float]:
-        """Of the closed contacts in a mode, as far as the state determines them."""
+        """Normal forces of the closed contacts in a mode, as far as the state determines them."""
         at = {**self.values, **self._named(y), "t": 0.0}
         if field is None:
             return {}

@@ -85,7 +85,7 @@ class MovingFrame:
         return [periodic_form(e) for e in found]
 
     def velocity(self, values: Mapping[str, float]) -> Array | None:
-        """Of the frame; None if there is none."""
+        """Velocity of the frame; None if there is none."""
         try:
             return self.reading.velocity(self.states, values)
         except (ZeroDivisionError, OverflowError):

@@ -56,7 +56,7 @@ class Reading:
     terms: list[Expr]
 
     def velocity(self, states: list[str], values: Mapping[str, float]) -> Array | None:
-        """Of a frame in which time stands in phases alone; None if there is none."""
+        """Velocity of a frame in which time occurs only in phases; None if there is none."""
         if not any("t" in line for line in self.lines):
             return np.zeros(len(states))
         table = self._table(["t", *states], values)

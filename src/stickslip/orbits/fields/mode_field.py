@@ -233,7 +233,7 @@ class Pieces:
         return self.made[self.number(mode, region)]
 
     def number(self, mode: Array, region: Array) -> int:
-        """Its number among those that were asked for."""
+        """Number of a piece among those that were requested."""
         key = mode.tobytes() + region.tobytes()
         if key not in self._numbers:
 
@@ -256,7 +256,7 @@ class Pieces:
 
     @property
     def listed(self) -> Listed:
-        """Those that were asked for, as instructions."""
+        """The requested pieces, as instructions."""
         if self._listed is None or len(self._listed.steady) < len(self.made):
             self._listed = listed_pieces(self.made)
             self._spaces = {}

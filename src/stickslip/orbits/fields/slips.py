@@ -174,7 +174,7 @@ def _freedom(
     contacts: list[int],
     at: tuple[float, Array, Array],
 ) -> int:
-    """In how many ways contacts can move under the constraints of a piece.
+    """Number of degrees of freedom of contacts under the constraints of a piece.
 
     Parameters
     ----------

@@ -24,8 +24,7 @@ def excess(
     states: Array,
     time: float = 0.0,
 ) -> Array:
-    """By how much states violate |∂Φ| ≤ s: the largest excess of a force over its threshold, 0
-    inside.
+    """Violation of |∂Φ| ≤ s by states: the largest excess of a force over its threshold, 0 inside.
 
     Parameters
     ----------

@@ -302,7 +302,7 @@ class Closed:
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """Its multipliers."""
+        """Multipliers of the cycle."""
         return spectrum(self.shooting, self.orbit)
 
     def samples(self, count: int) -> Array:
@@ -357,8 +357,8 @@ class Closed:
 
 
 def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Array, float]:
-    """By how much the loads have shifted the state by a time, and an equivalent time: 0, or within
-    the first period."""
+    """Shift of the state by the loads up to a time, and an equivalent time: 0, or within the first
+    period."""
     symmetry = setting.at(problem)
     if symmetry.frame is not None:
         return time * symmetry.frame, 0.0

@@ -357,8 +357,8 @@ def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> l
 
 
 def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
-    """By how much a contact that sticks is held: the nearer threshold, relative to both. Negative
-    if it slips.
+    """Margin of a sticking contact: the distance from the nearer threshold, relative to both.
+    Negative if it slips.
 
     Parameters
     ----------

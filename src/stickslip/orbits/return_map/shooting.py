@@ -167,7 +167,7 @@ class Orbit:
 
     @property
     def start(self) -> str:
-        """Its first state in words."""
+        """The first state, as text."""
         named = zip(self.problem.system.declaration.state, self.legs[0].place.state, strict=True)
         return ", ".join(f"{name} = {value:.6g}" for name, value in named)
 
@@ -311,7 +311,7 @@ class Shooting:
         return self._last
 
     def miss(self, orbit: Orbit) -> float:
-        """By how much the whole state fails to close, in units of the size of the cycle.
+        """Closure error of the complete state, in units of the size of the cycle.
 
         The equations see the coordinates of the stations only: a leg might end off the constraints.
         """

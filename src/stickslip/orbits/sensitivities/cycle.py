@@ -163,7 +163,7 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
     Parameters
     ----------
     motion : Trajectory
-        One period.
+        One period of the motion.
     pieces : Pieces
         With the parameter.
     state : array, shape (states,)

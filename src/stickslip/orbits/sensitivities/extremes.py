@@ -58,7 +58,7 @@ def slopes_of_extremes(
     Parameters
     ----------
     motion : Trajectory
-        One period.
+        One period of the motion.
     pieces : Pieces
         With the parameter.
     change : (array, float)

@@ -178,7 +178,7 @@ class MeasuredSignal(Signal):
 
     @property
     def span(self) -> tuple[float, float]:  # type: ignore[override]
-        """That of the samples, or all times if they repeat."""
+        """Span of the samples, or all times if they are periodic."""
         return (-np.inf, np.inf) if self.samples.periodic else self.samples.span
 
     def raw(self, u: float) -> Array:
@@ -266,13 +266,13 @@ class SignalColumns(Signal):
 
     @property
     def span(self) -> tuple[float, float]:  # type: ignore[override]
-        """In which all of them are known."""
+        """Domain in which all of them are defined."""
         starts, ends = zip(*(part.span for part in self.parts), strict=True)
         return max(starts), min(ends)
 
     @property
     def knots(self) -> Array:  # type: ignore[override]
-        """Those of all of them."""
+        """The knots of all of them."""
         return np.unique(np.concatenate([part.knots for part in self.parts]))
 
     def raw(self, u: float) -> Array:

@@ -206,8 +206,8 @@ def has_long_flights(forms: ClosedForms, lengths: Array) -> bool:
 
 
 def extremes_known(rows: Rows) -> Array:
-    """Of which components of the state exact extremes are found in long flights: of a few that are
-    no modes of structures, since those of what is fast take longer than the rest of an audit."""
+    """Components of the state whose exact extremes are found in long flights: a few that are not
+    modes of structures, since fast modes would take longer than the rest of an audit."""
     known = np.ones(int(rows.sizes[DIMENSION]), dtype=bool)
     for begin, count in rows.bodies.tolist():
         for first in (begin, int(rows.sizes[INERTIAL]) + begin):

@@ -131,7 +131,7 @@ def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) 
 
 @compiled()
 def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
-    """By how much earlier neighbours in a direction pass a guard."""
+    """Time by which neighbours in a direction pass a guard earlier."""
     total = 0.0
     for c in range(len(arrived)):
         total += here.slopes[g, c] / here.fall[g] * arrived[c, d]

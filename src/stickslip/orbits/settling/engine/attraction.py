@@ -241,8 +241,8 @@ def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> in
 
 @compiled()
 def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Array) -> None:
-    """By how much a lane is away from its station, without frame and translation, in units of the
-    sizes of the components.
+    """Distance of a lane from its station, without frame and translation, in units of the sizes of
+    the components.
 
     Parameters
     ----------

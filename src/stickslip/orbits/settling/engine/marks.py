@@ -158,8 +158,7 @@ def put_mark(
 
 @compiled()
 def begin_strides(m: Marks, i: int) -> None:
-    """From now on marks are put only where the modes of a motion, which have been seen to repeat
-    after a lag, begin again."""
+    """Restrict marks to the beginnings of the repeating sequence of modes."""
     numbers = m.numbers[i]
     ring = m.time.shape[1]
     here = numbers[COUNT] - 1
