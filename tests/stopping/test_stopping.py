@@ -20,7 +20,7 @@ import stickslip as ss
 from signals import control_c
 from stickslip.errors import DeclarationError, TimeLimitError
 from stickslip.results import Completion
-from stickslip.stopping.scopes import TimeUp, heed, scope, watching
+from stickslip.stopping.scopes import TimeUp, check_stop, scope, watching
 from stickslip.symbolic import expressions as ex
 
 # Two drives without a common period: the motion goes on for ever, and settles on nothing but
@@ -445,7 +445,7 @@ def test_the_limit_of_the_outer_scope_ends_the_inner_one() -> None:
     with watching(100.0):
         found = ss.simulate(ENDLESS, FOR_EVER, max_events=MANY, time_limit=0.1)
     assert found.outcome is ss.Outcome.TIME_UP
-    assert not heed()
+    assert not check_stop()
 
 
 def test_limits_in_threads_know_nothing_of_each_other() -> None:
@@ -497,10 +497,10 @@ def test_a_budget_of_processor_time() -> None:
     machine."""
     with watching(0.2, processor=True) as own:
         time.sleep(0.5)
-        assert not heed()
+        assert not check_stop()
         begin = time.thread_time()
         with pytest.raises(TimeUp) as up:
             while time.thread_time() < begin + 5.0:
-                heed()
+                check_stop()
         assert own.ends(up.value)
         assert 0.15 < time.thread_time() - begin < 2.0

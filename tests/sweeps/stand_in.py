@@ -14,7 +14,7 @@ import pytest
 from stickslip.arrays import Array
 from stickslip.model.system import System
 from stickslip.orbits.settling import motions
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 calls: list[int] = []
 """Number of points of each call."""
@@ -40,7 +40,7 @@ def measure_chunk(
     given = {**initial, **parameters}
     calls.append(len(next(iter(given.values()))))
     time.sleep(getattr(settings, "pause", 0.0))
-    heed()
+    check_stop()
     return closed_form(system, given, measures)
 
 

@@ -7,7 +7,7 @@ import signal
 import time
 from pathlib import Path
 
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 
 def square(number: int) -> int:
@@ -39,6 +39,6 @@ def fail(number: int) -> int:
 def until_stopped(folder: str) -> int:
     """Says that it has begun, and goes on until there is a wish to stop."""
     (Path(folder) / "begun").touch()
-    while not heed():
+    while not check_stop():
         time.sleep(0.01)
     return 0

@@ -22,7 +22,7 @@ from stickslip.motion.steps.arrays import (
     Task,
 )
 from stickslip.motion.steps.stiff import WATCHED
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 
 @dataclass
@@ -106,7 +106,7 @@ class Lanes:
             count = event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
             # A loop that was stopped without a reason continues, but with a record the caller does
             # that.
-            if not heed() or record is not None:
+            if not check_stop() or record is not None:
                 return count
 
 

@@ -26,7 +26,7 @@ from stickslip.motion.simulate import check_positive, check_span
 from stickslip.motion.starts import put_on_contacts
 from stickslip.motion.steps.arrays import CROSSED, FULL, NOW, SWITCHES, TAKEN, Lane
 from stickslip.results import PLAIN, Completion, Result
-from stickslip.stopping.scopes import Stopped, TimeUp, check_limit, heed, scope, watching
+from stickslip.stopping.scopes import Stopped, TimeUp, check_limit, check_stop, scope, watching
 
 if TYPE_CHECKING:
     import xarray
@@ -266,7 +266,7 @@ def follow_all(
         futures = [pool.submit(follow, block) for block in blocks]
         try:
             while wait(futures, timeout=_PULSE).not_done:
-                heed()
+                check_stop()
         except (KeyboardInterrupt, Stopped, TimeUp) as why:
             ended = why
             wish[0] = 1

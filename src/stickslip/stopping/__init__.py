@@ -5,7 +5,7 @@ Compiled loops therefore check two flags in their work space, which another thre
 early if one is set. They do not affect a computation that is not interrupted.
 
 A computation opens a scope (:func:`~stickslip.stopping.scopes.watching`), and calls
-:func:`~stickslip.stopping.scopes.heed` after each compiled call that may take long, which raises
+:func:`~stickslip.stopping.scopes.check_stop` after each compiled call that may take long; it raises
 the corresponding exception. Scopes belong to threads and may be nested; an inner scope ends with
 the outer one.
 """

@@ -195,7 +195,7 @@ def limited(limit: float | None, what: str) -> Iterator[Watch]:
             ) from None
 
 
-def heed() -> bool:
+def check_stop() -> bool:
     """End the computation if there is a reason to.
 
     Returns
@@ -237,7 +237,7 @@ def unbroken(call: Callable[[], _T]) -> _T:
             return unbroken(call)
     while True:
         found = call()
-        if not heed():
+        if not check_stop():
             return found
 
 

@@ -38,7 +38,7 @@ from stickslip.orbits.cycles.drive_phase import read_drive
 from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.finding import from_state
 from stickslip.progress import Show, watched
-from stickslip.stopping.scopes import TimeUp, heed, limited
+from stickslip.stopping.scopes import TimeUp, check_stop, limited
 from stickslip.sweeps.carried import carried, moved
 from stickslip.sweeps.levels import DIRECTIONS, Level, Lines, first_coordinate, response_of
 from stickslip.sweeps.request.axes import read_axes
@@ -289,7 +289,7 @@ def _follow(
             branches.append(line)
             if line.outcome.interrupted:
                 raise KeyboardInterrupt
-            heed()
+            check_stop()
             lines.missed += not _passes(wanted, line, cycle)
         line_of[cycle] = line
     lines.peak = _peak(wanted, branches)

@@ -20,9 +20,9 @@ from stickslip.motion.engine.events import (
     count_step,
     fire,
     has_gaps,
+    jump_and_collide,
     look_at_jumps,
     note,
-    strike,
 )
 from stickslip.motion.engine.flying import fly_on, slot_of
 from stickslip.motion.engine.impacts import is_paradox
@@ -206,7 +206,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         hold = fired >= 0 or is_time_to_look(rows, lane.mode, counters[TAKEN])
         most = min(room, max(end - t, 0.0))
         if not again:
-            code, count, due = strike(machine, flow, lane, task, count, entering)
+            code, count, due = jump_and_collide(machine, flow, lane, task, count, entering)
             entering = False
             if code >= 0:
                 return code, note(rows, lane, task, count)

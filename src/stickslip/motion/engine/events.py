@@ -129,7 +129,7 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
 
 
 @compiled()
-def strike(
+def jump_and_collide(
     machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, entering: bool
 ) -> tuple[int, int, int]:
     """Let the state jump where a jump is due, then what closes collide: at the start, where a

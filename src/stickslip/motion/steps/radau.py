@@ -179,7 +179,7 @@ def solve_stages(
         if fresh:
             if not invert(stages.matrix, m, stages.inverse):
                 return False
-            know(flow, stages, step)
+            measure_accuracy(flow, stages, step)
         before = now
         now = newton_step(flow, stages, seen)
         if not now < np.inf or (turn > 0 and now > 1.0 and now > _CONVERGES * before):
@@ -188,7 +188,7 @@ def solve_stages(
 
 
 @compiled()
-def know(flow: Flow, stages: Stages, step: float) -> None:
+def measure_accuracy(flow: Flow, stages: Stages, step: float) -> None:
     """How well the states at the nodes are known, and guards with them: what rounding errors of the
     rates make of them.
 

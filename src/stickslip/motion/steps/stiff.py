@@ -77,7 +77,7 @@ _MOST_TRIES = 12  # lengths of a polynomial
 
 
 @compiled()
-def dear(n: int) -> float:
+def cost_in_series(n: int) -> float:
     """How many series cost as much as a polynomial: some evaluations at all nodes, and an
     elimination."""
     return 16.0 + 4.0 * n * n
@@ -142,7 +142,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     """
     clock = lane.clock
     n = len(lane.y)
-    if n > MOST_IMPLICIT or not dear(n) * h < room:
+    if n > MOST_IMPLICIT or not cost_in_series(n) * h < room:
         return False
     settled = lane.counters[CAUSE] < 0 and calm(
         flow.space.W, n, flow.order, h, flow.tol, flow.atol, lane.seen
@@ -154,7 +154,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
         clock[IMPLICIT] += 1.0
         return False
     if clock[IMPLICIT] == 0.0:
-        clock[IMPLICIT] = 4.0 * dear(n) * h
+        clock[IMPLICIT] = 4.0 * cost_in_series(n) * h
     clock[IMPLICIT] = min(clock[IMPLICIT], room)
     return True
 
@@ -191,7 +191,7 @@ def follow_mode(
         order, h = expand(machine, flow, start, room, before, seen)
         if order == N and h < room and touches_rest(flow, start, room, seen):
             return order, room, room
-        least = dear(n) * h
+        least = cost_in_series(n) * h
         if before > least:
             # the piece before was no series, whose length would tell what may change in one
             before = h
@@ -285,7 +285,7 @@ def collocate(
     for r in range(n):
         stages.rate[r] = W[r, 1] / W[n, 1]
     for _ in range(_MOST_TRIES):
-        if not step >= dear(n) * h:
+        if not step >= cost_in_series(n) * h:
             break
         if not solve_stages(machine, flow, stages, start, step, seen):
             step = 0.25 * step

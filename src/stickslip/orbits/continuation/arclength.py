@@ -46,7 +46,7 @@ from stickslip.orbits.continuation.path import (
     Test,
     Tests,
 )
-from stickslip.stopping.scopes import TimeUp, heed
+from stickslip.stopping.scopes import TimeUp, check_stop
 
 Accept = Callable[["Point", "Point"], None]
 Breaks = Callable[["Point", "Point"], Sequence["Break"]]
@@ -184,7 +184,7 @@ def trace(
     told = 0
     try:
         while ended is None:
-            heed()
+            check_stop()
             ended, step = tracer.advance(path, step)
             if progress is not None:
                 for point in path.points[told:]:

@@ -115,7 +115,7 @@ class StateMap:
 def saltation(
     equations: MotionEquations,
     motion: Trajectory,
-    strike: Discontinuity,
+    event: Discontinuity,
     here: Leave,
     sides: tuple[Piece, Piece],
     p: Array,
@@ -134,24 +134,24 @@ def saltation(
         All of them.
     """
     left, right = sides
-    t, y = strike.time, strike.before
+    t, y = event.time, event.before
     k = motion.knots
     n, columns = len(y), len(left.columns)
-    switch = int(k.cause[strike.knot])
+    switch = int(k.cause[event.knot])
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
-        jump = int(np.flatnonzero(motion._switches.jumped[strike.knot - 1])[0])
+        jump = int(np.flatnonzero(motion._switches.jumped[event.knot - 1])[0])
         found = _jump_map(equations, left, jump)(t, y, p)
     else:
         near = _near(equations, left, (t, y, p), contact)
         others = [c for c in near if c != contact and left.field.mode[c] != 0]
         at_once = any(left.velocity(c, t, y, p)[0] < 0.0 for c in others)
-        in_turn = motion.system.impacts == "in turn" and strike.last == strike.knot
+        in_turn = motion.system.impacts == "in turn" and event.last == event.knot
         if not at_once and in_turn and len(near) > 1:
-            return _in_turn(equations, motion, strike, sides, (near, contact), p, pieces)
-        found = _impact(equations, sides, strike, k.state[strike.knot], contact, p)
-        after = k.state[strike.knot]
+            return _in_turn(equations, motion, event, sides, (near, contact), p, pieces)
+        found = _impact(equations, sides, event, k.state[event.knot], contact, p)
+        after = k.state[event.knot]
         none = frozenset[int]()
         if found is None or at_once:
             why = _AT_ONCE if at_once else _UNEXPLAINED
@@ -164,13 +164,13 @@ def saltation(
     D = found.slopes[:, :n]
     S[:n] = found.slopes
     # what is taken together ends later than it begins
-    several = strike.last > strike.knot
-    after = found.after if several else k.state[strike.knot]
+    several = event.last > event.knot
+    after = found.after if several else k.state[event.knot]
     late = right.rates(t, after, p) - D @ here.rates - found.time
     earlier = here.slopes[g] / here.fall[g]
     S[:n] += np.outer(late, earlier)
     if several:
-        lasting = float(k.time[strike.last] - k.time[strike.knot])
+        lasting = float(k.time[event.last] - k.time[event.knot])
         J = right.jacobian(np.array([t]), after[:, None], p)[0]
         S[:n] += lasting * (J @ S)
     return Saltation(S, -earlier, True)
@@ -205,7 +205,7 @@ def _near(
 def _in_turn(
     equations: MotionEquations,
     motion: Trajectory,
-    strike: Discontinuity,
+    event: Discontinuity,
     sides: tuple[Piece, Piece],
     closed: tuple[list[int], int],
     p: Array,
@@ -223,15 +223,15 @@ def _in_turn(
     """
     left, right = sides
     near, contact = closed
-    t = strike.time
-    n, columns = len(strike.before), len(left.columns)
-    after = motion.knots.state[strike.knot]
+    t = event.time
+    n, columns = len(event.before), len(left.columns)
+    after = motion.knots.state[event.knot]
     none = Saltation(np.eye(columns), np.zeros(columns), False, _UNEXPLAINED)
-    size = float(np.max(np.abs(after - strike.before), initial=0.0))
+    size = float(np.max(np.abs(after - event.before), initial=0.0))
     rests = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
     for settled in dict.fromkeys([frozenset[int](), rests]):
         S, late = np.eye(columns), np.zeros(columns)
-        y, rates = strike.before, left.rates(t, strike.before, p)
+        y, rates = event.before, left.rates(t, event.before, p)
         energies = _energies(equations, left, near, (t, y, p))
         first = max(energies.values())
         for turn in range(_MOST_TURNS):
@@ -420,7 +420,7 @@ def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
 def _impact(
     equations: MotionEquations,
     pieces: tuple[Piece, Piece],
-    strike: Discontinuity,
+    event: Discontinuity,
     after: Array,
     contact: int,
     p: Array,
@@ -437,9 +437,9 @@ def _impact(
     p : array, shape (parameters,)
     """
     left, right = pieces
-    t, y = strike.time, strike.before
+    t, y = event.time, event.before
     settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
-    recorded = settled if strike.last == strike.knot else frozenset[int]()
+    recorded = settled if event.last == event.knot else frozenset[int]()
     mode, landing = _mode_of(equations, left, (t, y, after), (contact, recorded), p)
     if mode is None or recorded == settled:
         return landing

@@ -54,7 +54,7 @@ from stickslip.orbits.fields.engine.variations import vary
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import saltation
 from stickslip.orbits.fields.spectra import decompose_piece
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -137,7 +137,7 @@ def variation(
         if code == PASSED:
             break
         if code == HALTED:
-            heed()
+            check_stop()
         elif code == SPECTRUM_ASKED:
             w = int(run.event[BEGINS])
             nq = int(problem.rows.sizes[INERTIAL])
@@ -147,7 +147,7 @@ def variation(
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == STRUCK:
-            start = meeting.strike()
+            start = meeting.cross_discontinuity()
         else:
             start = meeting.pass_through(code == CORNER)
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
@@ -257,20 +257,20 @@ class _Meeting:
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
-    def strike(self) -> int:
+    def cross_discontinuity(self) -> int:
         """Enter what comes after the jump of the state at which the pass has stopped; returns the
         knot from which it goes on."""
-        if int(self.run.event[BEGINS]) not in self._strikes:
+        if int(self.run.event[BEGINS]) not in self._discontinuities:
             return self.slip(int(self.run.event[BEGINS]))
-        strike, here = self._strikes[int(self.run.event[BEGINS])]
-        i, last = strike.knot, strike.last
+        event, here = self._discontinuities[int(self.run.event[BEGINS])]
+        i, last = event.knot, event.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
         equations = self.pieces.equations
-        found = saltation(equations, self.trajectory, strike, here, sides, self.p, self.pieces)
+        found = saltation(equations, self.trajectory, event, here, sides, self.p, self.pieces)
         S = found.matrix
         if not found.exists:
-            self.grazings.append(strike.time)
-            self.reasons[strike.time] = found.why
+            self.grazings.append(event.time)
+            self.reasons[event.time] = found.why
         self.run.late[i] = found.late @ self.run.after[i]
         self.run.after[i : last + 1] = S @ self.run.after[i]
         return last
@@ -286,13 +286,13 @@ class _Meeting:
         return i
 
     @cached_property
-    def _strikes(self) -> dict[int, tuple[Discontinuity, Leave]]:
+    def _discontinuities(self) -> dict[int, tuple[Discontinuity, Leave]]:
         """The jumps of the state by their knots, and the guards right before each."""
-        strikes = list(discontinuities_of(self.trajectory).values())
-        before = self.run.piece[[s.knot - 1 for s in strikes]]
+        jumps = list(discontinuities_of(self.trajectory).values())
+        before = self.run.piece[[s.knot - 1 for s in jumps]]
         found: dict[int, tuple[Discontinuity, Leave]] = {}
         for w in np.unique(before):
-            own = [s for s, piece in zip(strikes, before, strict=True) if piece == w]
+            own = [s for s, piece in zip(jumps, before, strict=True) if piece == w]
             t, y = np.array([s.time for s in own]), np.array([s.before for s in own])
             leaves = self.pieces.made[w].leaves(t, np.ascontiguousarray(y.T), self.p)
             found |= {s.knot: (s, here) for s, here in zip(own, leaves, strict=True)}

@@ -20,7 +20,7 @@ from stickslip.orbits.settling.engine.attraction import (
     prove_all,
 )
 from stickslip.orbits.settling.engine.tables import LEAPT, PHASE, PROVING
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -71,7 +71,7 @@ class Attraction:
         while True:
             claims = self._claims
             prove_all(engine, *settling, claims)
-            if heed():
+            if check_stop():
                 continue
             missing = np.flatnonzero(claims.verdict == UNKNOWN_MODE)
             if len(missing) == 0:

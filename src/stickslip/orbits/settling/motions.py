@@ -44,7 +44,7 @@ from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
 from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, changes_slowly, elapsed_of
-from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
+from stickslip.stopping.scopes import TimeUp, check_stop, flagged, watching
 
 POINT_SLOTS = 12  # closed forms of every point
 _SHARED_SLOTS = 64  # closed forms of all points
@@ -386,7 +386,7 @@ class Block:
         phase = self.marks.numbers[:, PHASE]
         while np.any((phase != DONE) & (phase != WAITING)):
             compiled()
-            heed()
+            check_stop()
             if np.any(phase == PROVING):
                 where.ask()
                 self.prover.prove(self.lanes, self.engine(self.lanes), self.settling)

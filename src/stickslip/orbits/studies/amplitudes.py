@@ -37,7 +37,7 @@ from stickslip.orbits.return_map.recurrence import (
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
 from stickslip.orbits.studies.self_excitation import EXCITATION, LinearMode
 from stickslip.orbits.studies.swinging import Swinging, ValuesAndRates
-from stickslip.stopping.scopes import heed
+from stickslip.stopping.scopes import check_stop
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -212,7 +212,7 @@ class Amplitudes:
         miss = self._miss(orbit, amplitude)
         gradient: Array | None = None
         for _ in range(_MOST_STEPS):
-            heed()
+            check_stop()
             if miss <= _SOLVED:
                 break
             units = _units(shooting, orbit)
@@ -368,7 +368,7 @@ class Amplitudes:
             now = self.amplitude(orbit)
             aim = wanted
             while True:
-                heed()
+                check_stop()
                 try:
                     shooting, orbit = self._next(shooting, orbit, aim)
                 except (StickslipError, ArithmeticError, np.linalg.LinAlgError) as failure:
