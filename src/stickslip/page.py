@@ -63,7 +63,7 @@ def parameters(values: Mapping[str, float], declared: Mapping[str, Parameter]) -
 
 
 def folded(title: str, content: str) -> Html:
-    """What is shown when its title is clicked; nothing if there is nothing."""
+    """A section that is shown when its title is clicked; empty if it has no content."""
     if not content:
         return Html("")
     return Html(f"<details><summary>{text(title)}</summary>{text(content)}</details>")

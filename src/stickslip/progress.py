@@ -72,7 +72,7 @@ def told(
 
 
 def _place() -> Callable[[str], AbstractContextManager[Show]] | None:
-    """Where bars are shown; those of the work of other threads and processes are not."""
+    """Output of progress bars; those of other threads and processes are not shown."""
     if threading.current_thread() is not threading.main_thread():
         return None
     if multiprocessing.parent_process() is not None:

@@ -86,7 +86,7 @@ class ConvexFormula:
 
     @property
     def said(self) -> str:
-        """What is known of it, in words."""
+        """Description of the proved properties."""
         known = {
             "homogeneous": self.homogeneous,
             "convex": self.convex,

@@ -81,7 +81,7 @@ class Leap:
     moved: list[Relation]
 
     def moves(self, write: UnicodeWriter) -> str:
-        """What becomes what, in a row."""
+        """The assignments of a jump, on one line."""
         return write.words(", ").join(map(write, self.moved))
 
 

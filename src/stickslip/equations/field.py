@@ -143,9 +143,9 @@ class Field:
 
     @cached_property
     def guards(self) -> list[Guard]:
-        """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip, the
-        normal force of what is closed and the gap of what is open; in a plane s² − |A⁻¹λ|² in
-        stick, |Au| in slip."""
+        """Functions that must be nonnegative: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip,
+        the normal force of closed and the gap of open contacts; in a plane s² − |A⁻¹λ|² in stick,
+        |Au| in slip."""
         found = [
             Guard(g if r == 1 else -g, j, 1 - r)
             for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))

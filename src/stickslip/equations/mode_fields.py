@@ -214,8 +214,8 @@ class _Solver:
     def directions(
         self, J: Mapping[int, list[Expr]], pull: Mapping[int, list[Expr]], asked: dict[int, Expr]
     ) -> list[_Direction]:
-        """What is asked along the directions of contacts: of those that share forces and depend on
-        each other, along as many combinations as are independent.
+        """Conditions along the directions of contacts; for contacts that share forces, along a
+        maximal set of independent combinations.
 
         The least forces in units of what contacts hold are λ = D G ν, D the squares of these units
         and G the columns of J of independent coordinates: as many unknowns ν as (D G)ᵀ J has rows.

@@ -114,8 +114,7 @@ def _from_first(own: list[DryContact], parameters: frozenset[str]) -> list[DryCo
 
 
 def _restitution(own: list[DryContact], normals: frozenset[str]) -> Expr:
-    """What the friction of contacts that are one rebounds with in an impact. What no normal force
-    presses has no part in it."""
+    """Tangential restitution of merged contacts; contacts without a normal force are ignored."""
     pressed = [c for c in own if c.on or normals & (c.plus.symbols | c.minus.symbols)]
     for c in pressed:
         if c.restitution is not pressed[0].restitution:

@@ -40,8 +40,8 @@ class RateProblem:
     threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
 
     def sliding(self, plane: Plane, i: int, j: int, first: int) -> Expr:
-        """What ṙⱼ has in the equation of coordinate i while a contact in a plane slips: of its
-        first component d/dt(n·A⁻¹λ + s) = 0, of its second n × Au = 0.
+        """Coefficient of ṙⱼ in the equation of coordinate i while a contact in a plane slips: of
+        its first component d/dt(n·A⁻¹λ + s) = 0, of its second n × Au = 0.
 
         Parameters
         ----------

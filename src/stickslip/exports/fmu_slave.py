@@ -214,7 +214,7 @@ class SystemFmu(Fmi2Slave):
             stepper.restore(saved)
 
     def _ready(self) -> Stepper | None:
-        """What moves; none if it has no start."""
+        """The stepper; None if the initial state is inadmissible."""
         if self._stepper is None and self._fault is None:
             try:
                 self._stepper = Stepper(

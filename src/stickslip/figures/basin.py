@@ -46,8 +46,8 @@ _OTHERS = {"undamped": "#D8D2C8", "stopped": "#777777", "not computed": "#FFFFFF
 
 
 def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
-    """Which attractor each initial state reaches; the legend names its speed or period. Hatched:
-    not certified, or, as in maps, not settled.
+    """Plot the attractor reached by each initial state; the legend contains its speed or period.
+    Hatched: not certified, or, as in maps, not settled.
 
     Parameters
     ----------

@@ -168,8 +168,8 @@ def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
 
 
 def _lines_of(data: xarray.Dataset) -> tuple[list[tuple[Any, dict[str, Any]]], list[Line2D]]:
-    """What is drawn over the longest axis, each part with its style, and what the styles stand for:
-    colours for levels, dashes for a sweep down."""
+    """Lines over the longest axis with their styles, and legend entries: colours for levels, dashes
+    for a sweep down."""
     along = _longest(data)
     others = [str(d) for d in data["outcome"].dims if d not in (along, DIRECTION)]
     twice = DIRECTION in data["outcome"].dims and along != DIRECTION

@@ -188,8 +188,8 @@ class MeasuredRecord:
         return replace(self, columns=tuple(columns), times=self.times[:most], span=span)
 
     def flat(self, values: Array) -> Array:
-        """What was measured of values of all quantities at all times, one column after the
-        other; shape (quantities, times, ...)."""
+        """Measured entries among the values of all quantities at all times, column after column;
+        shape (quantities, times, ...)."""
         return np.concatenate([values[j][c.rows] for j, c in enumerate(self.columns)])
 
 

@@ -151,8 +151,8 @@ def _place(
     table: str,
     undefined: tuple[float, float],
 ) -> str:
-    """Which piece stands for x on a side, and x in it: without whole periods, but beyond the ends
-    of the table where the piece is.
+    """The piece for x on a side, and the local coordinate in it: without whole periods, but beyond
+    the ends of the table if the piece is.
 
     Where a function is undefined x is not a number, if nothing repeats.
     """

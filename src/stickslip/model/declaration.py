@@ -282,7 +282,7 @@ class Declaration:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Where each part of the state stands in it."""
+        """Index of each part of the state."""
         return {name: i for i, name in enumerate(self.state)}
 
     def value(self, expression: Expr, values: Mapping[str, float]) -> float:

@@ -182,7 +182,8 @@ class _Check:
         return self.memory(e)[e]
 
     def memory(self, e: Expr) -> dict[Expr, Unit | None]:
-        """Where the unit of an expression is kept: each contact has its own speed."""
+        """The cache for the unit of an expression: separate for expressions of the speed, since
+        each contact has its own."""
         return self.at_speed if "speed" in e.symbols else self.known
 
     def made(self, e: Expr) -> Unit | None:

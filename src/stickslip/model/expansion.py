@@ -241,8 +241,8 @@ class Expansion:
         return isinstance(value, str) and bool(normals & {*_WORD.findall(value)})
 
     def define(self, where: str, name: str, value: object, interval: str) -> str:
-        """What a parameter of a law is called: by its value if that is a name or nothing, else a
-        function without arguments."""
+        """Name of a parameter of a law: its value, if that is a name or 0, else that of a function
+        without arguments."""
         if isinstance(value, tuple):
             raise wrong_kind(value, "Formula", where)
         meant = self.scope.parse(value, where)

@@ -478,7 +478,7 @@ class DeclarationReader:
         self.result.scope = Scope(names, self.definitions, forbidden, vectors=vectors)
 
     def outputs(self) -> None:
-        """What results show besides: formulas of everything that they show."""
+        """Outputs: formulas of quantities of results."""
         result = self.result
         for name in self.system.outputs:
             where = entry_key("outputs", name)

@@ -514,7 +514,7 @@ class _WrittenOut(Expansion):
         )
 
     def strength(self, where: str, name: str, value: object, law: FrictionLaw) -> str:
-        """What a force of a law of points, or its factor, is called; a normal force as it is."""
+        """Name of a force of a tabulated law, or of its factor; a normal force keeps its name."""
         if self.is_pressed(value):
             return f"({value})"  # no function may use a normal force
         return self.define(

@@ -524,8 +524,8 @@ def _slips(motion: Trajectory, runs: Array) -> Array:
 
 
 def _way_along(motion: Trajectory, speed: ex.Expr, runs: Array) -> Array:
-    """How far a surface goes whose speed depends on where the motion is, in each of some stretches
-    of knots, shape (events, 2): by Gauss's rule on every step."""
+    """Displacement of a surface with state-dependent speed in each of several intervals of knots,
+    shape (events, 2): by Gauss quadrature on every step."""
     from stickslip.symbolic.evaluator import evaluator
 
     k = motion.knots

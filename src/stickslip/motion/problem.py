@@ -127,7 +127,7 @@ class Problem:
         return Machine(compiled.jets, compiled.residual, compiled.powers, compiled.landings)
 
     def flow(self, constants: Constants | None = None, retracing: bool = False) -> Flow:
-        """What compiled functions take, with the work space of this thread: good for one call.
+        """Arguments of compiled functions, with the work space of this thread: valid for one call.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Problem:
 
     @property
     def shared_flight(self) -> Flight:
-        """What closed forms are followed with in this thread: good for one call."""
+        """Work space for closed forms in this thread: valid for one call."""
         bench = self._bench
         bench.flight = bench.flight or self.flight()
         return bench.flight
@@ -352,8 +352,7 @@ def checked_values(system: System, parameters: Mapping[str, float] | None) -> di
 
 
 def _key(values: Mapping[str, float]) -> tuple[object, ...] | None:
-    """What tells numbers from all others, bit by bit and type by type; None if some are not
-    numbers."""
+    """Cache key of numbers, by bits and types; None if some are not numbers."""
     try:
         bits = struct.pack(f"{len(values)}d", *values.values())
     except (struct.error, TypeError, ValueError, OverflowError):

@@ -126,7 +126,7 @@ def _together(layout: Layout) -> Array:
 
 
 def _bodies(equations: MotionEquations) -> Array:
-    """Where the modes of each structure begin, and how many there are."""
+    """First index and number of the modes of each structure."""
     d = equations.declaration
     table = [(d.inertial.index(modes[0]), len(modes)) for modes in d.bodies]
     return np.array(table, dtype=np.int64).reshape(-1, 2)

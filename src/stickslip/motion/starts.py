@@ -159,7 +159,7 @@ def check_contacts(problem: Problem, start: float, y: Array) -> None:
 
 
 def _nearest(found: _Openings) -> str:
-    """What a message says of the nearest state that is right, if Newton's method finds one."""
+    """Text of a message about the nearest admissible state, if Newton's method finds one."""
     moved = found.moved(0)
     values = found.values[:, 0].copy()
     values[found.of.place] = moved

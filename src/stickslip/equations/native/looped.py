@@ -134,7 +134,7 @@ class LoopedSeries(Tabled, Series):
         self.write(value, self.at(self.row("W", row), k, REAL))
 
     def stored(self, row: int, k: Order) -> Operand:
-        """What the table holds before a coefficient is put there."""
+        """Value in the table before a coefficient is stored there."""
         return self.read(self.row("W", row), k)
 
     def before(self, k: Order) -> Order:

@@ -111,7 +111,7 @@ class Series(Routine):
             self.write(value, self.place("W", row, k))
 
     def stored(self, row: int, k: Order) -> Operand:
-        """What the table holds before a coefficient is put there."""
+        """Value in the table before a coefficient is stored there."""
         return self.load(REAL, self.place("W", row, k))
 
     def entry(self, name: str, *index: Count) -> Operand:
@@ -278,7 +278,7 @@ def _reciprocal(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _power(s: Series, i: Instruction, k: Order) -> None:
-    """Where y begins with 0, all its orders are 0."""
+    """A power; all orders are 0 if y begins with 0."""
     a = i.inputs[0]
     p = s.factor(i.parts[0])
     first = s.get(a, 0)

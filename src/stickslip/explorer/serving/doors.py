@@ -223,8 +223,8 @@ def questions_in(content: Any, document: Document) -> list[dict[str, Any]]:
 
 
 class Leaving(DocumentLifecycleHandler):
-    """What happens when a page is closed. Bokeh would also look through all memory for garbage,
-    twice for each page, and answer nobody meanwhile."""
+    """Clean-up when a page is closed, without the garbage collections of Bokeh, which would block
+    the server."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -311,7 +311,7 @@ class Guarded(BokehTornado):
     def get_handler_delegate(
         self, request: HTTPServerRequest, target_class: type[RequestHandler], *args: Any, **kw: Any
     ) -> Any:
-        """What lets a request be answered by a handler."""
+        """The delegate through which a handler answers a request."""
         chosen = Prompt if target_class is WSHandler else target_class
         return super().get_handler_delegate(request, chosen, *args, **kw)
 

@@ -10,8 +10,8 @@ WIRE = "wire"
 
 
 class Wire(DataModel):
-    """What is asked is JSON. What is said is a pair: JSON, and the bytes of all its arrays in one
-    piece, since each piece takes messages of its own."""
+    """Requests are JSON. Answers are pairs: JSON, and the bytes of all arrays in one piece, since
+    each piece needs separate messages."""
 
     asked = String(default="")
     said = Any(default=None)

@@ -83,7 +83,7 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
 
 
 def _settled(request: Request, patience: Patience) -> tuple[Trajectory, dict[str, Any]]:
-    """What is looked at, and what that is."""
+    """The motion to show, and its description."""
     motion = shown_motion(request.setting, patience)
     unit = unicode_unit(motion.system.time_unit)
     try:

@@ -199,8 +199,8 @@ class InPlane:
         return np.hypot(*scaled), self.bounds(values)[0] / self.axes[0]
 
     def place(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Where the contact is: both components of its path, without rounding errors of their
-        terms, which are all that is left of it where the contact sticks."""
+        """Both components of the path of the contact. Rounding errors of their terms are removed,
+        since they are all that varies in stick."""
         assert self.directions is not None
         places = [
             np.sum([w * values[x] for x, w in weights.items()], axis=0)
@@ -211,7 +211,7 @@ class InPlane:
 
     @cached_property
     def _rounding(self) -> float:
-        """What the sums of a place cannot tell from nothing, in either component."""
+        """Rounding errors of the components of the path."""
         assert self.directions is not None
         motion = self.trajectory
         state = dict(zip(motion.system.declaration.state, motion.knots.state.T, strict=True))

@@ -160,8 +160,8 @@ class PiecewisePolynomial:
         return float(np.max(np.abs(self.breaks)))
 
     def near(self, x: Array) -> Array:
-        """How well places are known: a place in a late period as its time is, so no better than
-        to a rounding error of all the periods before it."""
+        """Accuracy of the argument: in a late period, that of the time, which includes the rounding
+        error of all periods before it."""
         return NEAR_SAMPLE * np.maximum(np.abs(x) if self.period > 0.0 else 0.0, self.largest)
 
     @cached_property
@@ -186,7 +186,7 @@ class PiecewisePolynomial:
         return self.gates if _is_gate(side) else self.coefficients
 
     def place(self, x: Array, side: str) -> tuple[Array, Array]:
-        """Which piece stands for x on a side, and what is left of x from its beginning."""
+        """The piece for x on a side, and the distance of x from its beginning."""
         b, m = self.breaks, len(self.breaks) - 1
         near = self.near(x)
         if self.period > 0.0:

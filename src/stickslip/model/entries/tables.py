@@ -430,7 +430,8 @@ class Table:
         return power_series(rows, u)
 
     def _column(self, axis: int, place: Array) -> tuple[Array, Array]:
-        """Which piece along an axis a place is in, and how far; not a number where refused."""
+        """The piece along an axis that contains a point, and the local coordinate; NaN outside the
+        table."""
         knots = self.axes[axis]
         breaks = ends_of_pieces(knots, (False, False))
         k = np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, len(breaks) - 2)

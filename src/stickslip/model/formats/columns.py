@@ -98,7 +98,7 @@ def chosen_columns(
 def argument_columns(
     of: Sequence[str], value: str, own: str
 ) -> Callable[[list[str], str], list[str]]:
-    """Which columns have the arguments of a table and its values, as :func:`chosen_columns` asks.
+    """Columns of the arguments and values of a table, for :func:`chosen_columns`.
 
     Parameters
     ----------

@@ -255,8 +255,8 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
 def holds_until(
     flow: Flow, mode: Array, group: int, rank: int, d: int, end: float, lack: float
 ) -> tuple[float, bool]:
-    """How far it is proved that control points of degree d, of forces and radii on [0, 1], can be
-    held; and whether they cannot at the end of what comes next.
+    """Part of [0, 1] on which forces and radii, given by control points of degree d, are proved to
+    be admissible; and whether they are inadmissible at the end of the next part.
 
     Parameters
     ----------

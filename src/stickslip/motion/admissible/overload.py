@@ -268,8 +268,7 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
 
 @compiled(brief=True)
 def parts_at(block: Array, table: Array, column: int) -> tuple[float, float, float]:
-    """What a column of a table has for the directions of a contact; 0 for those that it does not
-    have."""
+    """Entries of a column of a table for the directions of a contact; 0 for missing directions."""
     x = float(table[block[0], column])
     y = float(table[block[1], column]) if len(block) > 1 else 0.0
     z = float(table[block[2], column]) if len(block) > 2 else 0.0

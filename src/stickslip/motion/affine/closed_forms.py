@@ -644,7 +644,7 @@ def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Arr
 
 @compiled()
 def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: int) -> None:
-    """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
+    """Response of the components w = L x: coefficients of s = (x, e) at τ = 0.
 
     ẇ = λ w + B x_still + φ e is solved by
 

@@ -250,7 +250,7 @@ def probe(machine: Machine, flow: Flow, at: Instant, out: Array) -> bool:
 
 @compiled()
 def read_values(rows: Rows, space: Space, out: Array) -> None:
-    """What :func:`probe` wants of an instant, from the table of coefficients."""
+    """Values for :func:`probe` at an instant, from the table of coefficients."""
     sizes = rows.sizes
     W = space.W
     mag = space.mag

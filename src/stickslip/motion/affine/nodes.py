@@ -35,8 +35,8 @@ _TO_BERNSTEIN = _to_bernstein()
 
 
 def _between(part: float) -> float:
-    """What a function that strays by at most 1 on the disc of radius h/part may do between the
-    nodes in [0, h]."""
+    """Bound, between the nodes in [0, h], of a function that deviates by at most 1 on the disc of
+    radius h/part."""
     axis = 2.0 / part - 1.0  # half axis of the ellipse inside the disc, in units of h/2
     rho = axis + np.sqrt(axis * axis - 1.0)
     return float(2.0 * (1.0 + LEBESGUE) * rho ** (1 - COUNT) / (rho - 1.0))

@@ -150,8 +150,8 @@ def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: f
 
 @compiled(brief=True)
 def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
-    """How far from the bounds of the law some forces of what rests may keep, as a part of these; 0
-    if there is no room.
+    """Largest margin of admissible forces of resting contacts, relative to the bounds of the law; 0
+    if there is none.
 
     Parameters
     ----------

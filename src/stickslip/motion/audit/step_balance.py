@@ -422,8 +422,8 @@ def judge(
 
 @compiled()
 def force_size(rows: Rows, law: Array, c: int) -> float:
-    """What errors of a contact's force are relative to. The forces on a body solve one linear
-    problem, so that one whose threshold vanishes is known up to the rounding of the others."""
+    """Scale of the errors of the force of a contact. The forces on a body solve one linear problem,
+    so that a force with vanishing threshold has the rounding errors of the others."""
     size = law[c, LARGEST_FORCE]
     part = rows.homes[c, PART]
     if part < 0:

@@ -225,8 +225,8 @@ def powers_at(
 
 @compiled()
 def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
-    """What forces without mass do at a node by the difference between the rates that the law gives
-    there and those of the polynomials.
+    """Power, at a node, of forces on coordinates without mass in the difference between the rates
+    of the law and those of the polynomials.
 
     The way is that of the polynomials. Where they last longer than series, because something
     decays, the rates of the law have errors that are forgotten at once; their power would be

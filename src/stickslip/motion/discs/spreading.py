@@ -303,7 +303,7 @@ def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row:
 
 @compiled()
 def side_operand(mode: int) -> int:
-    """Which operand of SIDE counts: surface, sliding forces, thresholds that are to be broken."""
+    """The operand of SIDE in a mode: surface, kinetic friction forces, thresholds."""
     if mode == 0:
         return FIRST
     if abs(mode) == 2:

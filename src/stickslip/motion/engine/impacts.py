@@ -56,8 +56,8 @@ _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little befor
 def approaching(
     machine: Machine, flow: Flow, here: Instant, last: float, fired: int, slack: float
 ) -> int:
-    """How many contacts are closed and approach; which are closed, and all their velocities, are
-    left in the work space.
+    """Number of closed contacts that approach; the closed contacts, and all velocities, are left in
+    the work space.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 @compiled()
 def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
-    """What unit impulses of those that take part do to the rates, M⁻¹Jᵀ, and to the velocities of
-    all contacts, J M⁻¹ Jᵀ; False if the inertia is not definite.
+    """Responses of the rates, M⁻¹Jᵀ, and of the velocities of all contacts, J M⁻¹ Jᵀ, to unit
+    impulses of the participating contacts; False if the inertia is not definite.
 
     Parameters
     ----------

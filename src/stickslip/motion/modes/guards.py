@@ -263,7 +263,8 @@ def is_second(guard: int, nk: int) -> bool:
 
 @compiled()
 def doubt_of(guard: int, nk: int, nc: int) -> int:
-    """Which of the rows that must not become negative a guard is; negative if it is none."""
+    """Number of a guard among the rows that must not become negative; negative if it is not one of
+    them."""
     return guard - nk - 2 * nc
 
 

@@ -375,7 +375,7 @@ def size_of_body(rows: Rows, y: Array, promise: Array, i: int) -> tuple[float, i
 
 @compiled()
 def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
-    """What rounding errors of velocities make of the directions of slips that begin together.
+    """Effect of rounding errors of velocities on the directions of slips that begin together.
 
     Parameters
     ----------

@@ -603,7 +603,7 @@ def has_opened(rows: Rows, mode: Array, c: int) -> bool:
 
 @compiled()
 def loosen_friction(rows: Rows, mode: Array) -> None:
-    """What is open has no friction: its contact slips, without force, which has one name only."""
+    """Open contacts have no friction: their mode is set to slip, in a unique direction."""
     for c in inertial_friction(rows):
         if is_loose(rows, mode, c):
             set_mode(rows, mode, c, 1)

@@ -175,7 +175,8 @@ def spread_given(flow: Flow, mode: Array, N: int) -> None:
 
 @compiled()
 def spread_straight(flow: Flow, p: int, N: int) -> None:
-    """How far Au of a slip strays along its direction, and across, in place of two slopes.
+    """Deviation of Au of a slip along its direction, and perpendicular to it, in place of two
+    slopes.
 
     Parameters
     ----------

@@ -186,8 +186,8 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
 
 @compiled(brief=True)
 def keep_within(own: Array) -> None:
-    """What keeps a direction among those in which the face can move, where something beside it
-    sticks: the projection onto what D does not reach, times its size.
+    """A matrix that restricts directions to those in which the face can move beside sticking
+    contacts: the projection onto the complement of the range of D, times its size.
 
     Parameters
     ----------
@@ -356,7 +356,7 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
 
 @compiled(brief=True)
 def made_least(own: Array, root: float) -> float:
-    """What the rate w = b − D p minimises, p·Dp/2 + k √(R² + ε²).
+    """The function minimised by the rate w = b − D p: p·Dp/2 + k √(R² + ε²).
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ def respond_along(
     rounded: float,
     slopes: bool,
 ) -> bool:
-    """Where the rates of Au are no linear function of directions, replace them by b₀ + Â n at the
+    """If the rates of Au are not a linear function of directions, replace them by b₀ + Â n at the
     directions u/√(|u|² + rounded²); False if there are no rates.
 
     Parameters

@@ -189,8 +189,8 @@ def solve_stages(
 
 @compiled()
 def measure_accuracy(flow: Flow, stages: Stages, step: float) -> None:
-    """How well the states at the nodes are known, and guards with them: what rounding errors of the
-    rates make of them.
+    """Accuracy of the states at the nodes, and of guards: the effect of rounding errors of the
+    rates.
 
     What decays forgets them; what does not, as the speed of a slip in a plane whose forces nearly
     cancel, adds them up.
@@ -298,7 +298,7 @@ def visit(
 
 @compiled()
 def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh: bool) -> None:
-    """What is wanted of node i from the values of the rows there, and room for the derivatives.
+    """Collect the data of node i from the values of the rows, and prepare the derivatives.
 
     Parameters
     ----------

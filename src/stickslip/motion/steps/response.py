@@ -131,7 +131,8 @@ def note_axis(flow: Flow, table: Array, p: int, i: int) -> None:
 
 @compiled()
 def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
-    """What (Au)₁ is without friction, and what each component of each direction adds to it.
+    """The value of (Au)₁ without friction, and the contribution of each component of each
+    direction.
 
     Parameters
     ----------

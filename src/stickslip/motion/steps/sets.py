@@ -183,8 +183,8 @@ def whole_rate(rows: Rows, mag: Array, c: int) -> float:
 
 @compiled()
 def gap_size(rows: Rows, space: Space, c: int) -> float:
-    """What the rounding errors of a gap are measured against: its terms, and how wide it has been,
-    since a motion does not know its place any better."""
+    """Scale of the rounding errors of a gap: its terms, and its largest value so far, which limits
+    the accuracy of the position."""
     return max(gap_terms(rows, space.mag, c), float(space.impact[WIDEST, c]))
 
 
@@ -414,8 +414,8 @@ def inner_bend_along(
 
 @compiled(brief=True)
 def force_outside(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
-    """How far a force is outside the set of a contact: the most of f·m − s S(m), |m| = 1; not
-    positive inside. Of faces that is not said, but infinite.
+    """Distance of a force from the set of a contact: the maximum of f·m − s S(m), |m| = 1; not
+    positive inside. For faces outside, infinity is returned instead.
 
     Parameters
     ----------

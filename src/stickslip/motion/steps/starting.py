@@ -359,7 +359,7 @@ def stage_order(needed: int, most: int) -> int:
 
 @compiled()
 def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
-    """What the other slips that begin add to bₘ of one, by their directions.
+    """Contribution of the directions of other beginning slips to bₘ of one.
 
     Parameters
     ----------
@@ -471,7 +471,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
 def rate_towards(
     machine: Machine, flow: Flow, at: Instant, table: Array, p: int, angle: float
 ) -> tuple[int, float, float]:
-    """What (Au)₁ is across a direction of plane p, and along it.
+    """Components of (Au)₁ perpendicular to a direction of plane p, and along it.
 
     Parameters
     ----------

@@ -469,8 +469,8 @@ def slip_end(speed: Array, N: int, h: float) -> tuple[float, float]:
 
 @compiled()
 def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array, narrow: bool) -> float:
-    """What the series cannot show within a step, in parts of what it may be: the step is fine if
-    this is at most 1.
+    """Bound of features that the series may miss within a step, relative to the tolerance: the step
+    is accepted if this is at most 1.
 
     Parameters
     ----------

@@ -78,8 +78,8 @@ _MOST_TRIES = 12  # lengths of a polynomial
 
 @compiled()
 def cost_in_series(n: int) -> float:
-    """How many series cost as much as a polynomial: some evaluations at all nodes, and an
-    elimination."""
+    """Cost of an implicit step (evaluations at all nodes, and an elimination), in numbers of Taylor
+    steps."""
     return 16.0 + 4.0 * n * n
 
 
@@ -310,8 +310,8 @@ def collocate(
 
 @compiled()
 def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array) -> float:
-    """What may be hidden between the nodes of a polynomial, in parts of what it may be: all rows
-    are bounded on the disc of twice the step.
+    """Bound of features between the nodes of a polynomial, relative to the tolerance: all rows are
+    bounded on the disc of twice the step.
 
     Parameters
     ----------

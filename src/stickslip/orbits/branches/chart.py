@@ -195,8 +195,8 @@ class Chart:
         return any(h.edge for h in self.shooting.setting.held)
 
     def carried(self, x: Array, tangent: Array) -> float:
-        """How far contacts on an edge are carried along the way they would slip; 1 if none is on an
-        edge.
+        """Distance by which contacts on an edge are carried in their direction of slip; 1 if none
+        is on an edge.
 
         Where it vanishes they are left behind, and keep their positions.
         """

@@ -198,7 +198,7 @@ _Ray = tuple[Chart, Array, Array]
 
 
 def _to_the_onset(ray: _Ray) -> float:
-    """How far along a ray the margin vanishes of the contact that begins to stick.
+    """Position along a ray at which the margin of the contact that begins to stick vanishes.
 
     A stick that is too short to count begins before the sequence changes.
     """

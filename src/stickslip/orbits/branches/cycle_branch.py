@@ -305,7 +305,7 @@ class _Follower:
             stations[-1].events += events
 
     def _left_behind(self, stations: list[_Station], chart: Chart, carried: float) -> Chart:
-        """Where contacts are carried along no more they keep where they rest.
+        """Contacts that are no longer carried along keep their rest positions.
 
         Parameters
         ----------

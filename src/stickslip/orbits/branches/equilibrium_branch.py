@@ -485,8 +485,8 @@ class _Follower:
 
     @staticmethod
     def _boundary(station: Station, guard: int) -> list[Residual]:
-        """What is left of the guard that vanishes at a boundary equilibrium, and how far from there
-        the branch goes on."""
+        """Residual of the guard that vanishes at a boundary equilibrium, and its distance from the
+        continued branch."""
         left, most = abs(station.point.tests[guard]), station.largest[guard]
         note = "of its largest value on the way"
         own = [Residual("guard", left / most if most else left, SOLVED_TO, note=note)]

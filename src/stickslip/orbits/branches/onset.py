@@ -108,8 +108,8 @@ def _depth(
 
 
 def _reversing(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
-    """What the force at a reversal lacks to be held, relative to the thresholds; negative if it is
-    held."""
+    """Excess of the force at a reversal over its threshold, relative to the thresholds; negative if
+    the contact can stick."""
     k = motion.knots
     p = _numbers(motion)
     switch = k.region.shape[1] + contact

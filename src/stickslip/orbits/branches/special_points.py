@@ -281,7 +281,7 @@ class _Finder:
 
 
 class _Approach:
-    """What is known of a margin on one side of where it vanishes.
+    """Values of a margin on one side of its zero.
 
     Attributes
     ----------
@@ -314,7 +314,7 @@ class _Approach:
         return vanishes_at(points) if len(points) > 1 else math.inf
 
     def trial(self, width: float) -> float:
-        """Where to look next: where it will vanish, or beyond if that is near."""
+        """Next trial point: the extrapolated zero, or a point beyond it if it is near."""
         off = self.expected - self.end
         error = self._error if self._error < width else 0.0
         if abs(off) > error:
@@ -323,8 +323,7 @@ class _Approach:
 
 
 def vanishes_at(points: list[tuple[float, float]]) -> float:
-    """Where a value vanishes that is known at some places, by interpolation of the place by a
-    polynomial.
+    """Zero of a function known at some points, by inverse interpolation with a polynomial.
 
     Parameters
     ----------
@@ -341,8 +340,8 @@ def vanishes_at(points: list[tuple[float, float]]) -> float:
 
 
 def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Residual, ...]:
-    """How well a change of the sequence is solved: what vanishes where a contact begins to stick,
-    else how near the change is.
+    """Residual of a change of the sequence: the function that vanishes at the onset of stick, else
+    the distance from the change.
 
     Parameters
     ----------

@@ -266,7 +266,7 @@ class _Tracer:
         return self.point(x, *found, last.length + along, there)
 
     def _bent(self, last: Point, near: tuple[Point, Point], along: float) -> Array:
-        """Where the curve through two points is, if that is near the tangent and in the range."""
+        """A point of the curve through two points, if it is near the tangent and in the range."""
         units, tangent = last.units, last.heading
         straight = last.x + units * tangent * along
         offset = float(tangent @ ((near[0].x - last.x) / units))
@@ -389,9 +389,9 @@ class _Tracer:
         return bool(0.0 < part <= 1.0 and length_of(offset - part * chord) < 0.1 * length_of(chord))
 
     def _between(self, last: Point, new: Point) -> list[_Happened]:
-        """What happens within a step, in the order of travel: breaks, and on every smooth part
-        between them zeros of the test functions; those that jump from one sign to the other at a
-        break vanish there."""
+        """Events within a step, in order along the curve: breaks, and on every smooth part between
+        them zeros of the test functions; those that jump from one sign to the other at a break
+        vanish there."""
         found: list[_Happened] = []
         start = last
         for gap in self.breaks(last, new) if self.breaks is not None else ():

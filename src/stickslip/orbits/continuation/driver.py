@@ -43,7 +43,7 @@ _WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one
 
 @dataclass(frozen=True)
 class CurveProblem:
-    """What a curve is a curve of, on one stretch; see
+    """The problem of one piece of a curve; see
     :func:`stickslip.orbits.continuation.arclength.trace`.
 
     Attributes
@@ -179,8 +179,7 @@ def follow_branch(
 def both_ways(
     side: Callable[[float], tuple[list[_P], Ending]], first: float
 ) -> tuple[list[_P], list[_P], tuple[Ending, Ending]]:
-    """What is found behind the start and ahead of it, each from the start on, and why it ends
-    there.
+    """The pieces in both directions from the start, and the reasons for their ends.
 
     Parameters
     ----------

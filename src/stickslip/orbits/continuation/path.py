@@ -152,7 +152,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Break:
-    """Where a curve passes from the solutions of one smooth problem to those of another.
+    """A point at which a curve passes from the solutions of one smooth problem to those of another.
 
     Attributes
     ----------

@@ -84,8 +84,8 @@ def _movement(closed: Closed) -> float:
 
 
 def _remembered(closed: Closed) -> float:
-    """What is left of changes in the directions that sticking contacts (and sliding ones without
-    mass) forget."""
+    """Remaining growth of perturbations that sticking contacts (and sliding ones without mass)
+    should eliminate."""
     worst = 0.0
     p = parameter_values(closed.orbit.problem)
     sizes = closed.shooting.setting.sizes
@@ -130,7 +130,7 @@ def _another(q: int) -> Array:
 
 
 def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
-    """How well the derivative of a leg says where its neighbours in a direction arrive.
+    """Accuracy of the derivative of a leg, compared with neighbouring motions in a direction.
 
     If a neighbour passes other modes, those on the side on which it does not decide.
     """
@@ -173,8 +173,8 @@ def _beside(closed: Closed, j: int, changes: list[Array]) -> Array:
 
 
 def _arrived(closed: Closed, j: int, starts: Array) -> list[tuple[float, Array]]:
-    """Where the neighbours on both sides are at the end of a leg, from the cycle, each with the
-    sign of its side; without those that end early."""
+    """Distances of the neighbours on both sides from the cycle at the end of a leg, with the signs
+    of their sides; without those that end early."""
     knots = closed.orbit.legs[j].motion.knots
     begin, end = float(knots.time[0]), float(knots.time[-1])
     there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]

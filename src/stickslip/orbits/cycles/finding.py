@@ -101,8 +101,8 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
 def _extrapolated(
     start: Closed, found: Recurrence, parameters: Mapping[str, float]
 ) -> Recurrence | None:
-    """Where a cycle is at other parameters, to first order; None if that is far away, or drives
-    act that did not before."""
+    """First-order extrapolation of a cycle to other parameters; None if they are far away, or
+    additional drives act there."""
     old, setting = start.orbit, start.shooting.setting
     if found.turns != setting.turns:
         return None
@@ -163,7 +163,7 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
 
 
 def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
-    """What a cycle is that is not the one near the motion it was found from; empty if it is."""
+    """Description of a cycle that is not near the motion it was found from; empty if it is near."""
     if closed.extent < _COLLAPSED:
         return "an equilibrium"
     change = abs(math.log(closed.orbit.period / x[shooting.time]))
@@ -227,8 +227,8 @@ def _at_rest(
 
 
 def _first_look(problem: Problem) -> float:
-    """How long a motion is looked at first: for the time span of its system, or, if none is given,
-    for some periods of what drives it."""
+    """Duration of the first part of a motion: the time span of its system or, if none is given,
+    some periods of its drives."""
     begin, end = problem.system.span
     if is_span_given(problem.system.span):
         return end - begin
@@ -287,8 +287,8 @@ class _Search:
         return window(motion, self.pieces)
 
     def _settle(self, w: Window) -> tuple[Settled, Window]:
-        """What the motion settles on, and some periods of it; what leaves the system unchanged on
-        its way is looked at again where it has come to."""
+        """The attractor of a motion, and some periods of it; symmetries are determined again at the
+        state that it reaches."""
         fate = settle_motion(self.problem, self.time, self.state, w.symmetry, w.clock)
         for _ in range(_ROUNDS):
             if fate.outcome is not Outcome.PERIODIC:

@@ -135,7 +135,7 @@ def _where_rates_vanish(
     timed = any(rest is not ex.ZERO for rest in rests)
 
     def besides(at: Array) -> Array:
-        """What time adds, shape (times, 2, forms)."""
+        """Contribution of time, shape (times, 2, forms)."""
         if not timed:
             return np.zeros((1, 2, len(rests)))
         values = evaluated(moved, {**motion.parameters, "t": at}, len(at))

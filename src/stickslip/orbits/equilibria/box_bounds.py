@@ -44,7 +44,7 @@ class Enclosures(NamedTuple):
 
 
 def domain(e: Expr) -> list[Expr]:
-    """What must be nonnegative where an expression is defined."""
+    """Functions that are nonnegative where an expression is defined."""
     known: dict[Expr, list[Expr]] = {}
     for node in ex.walk([e]):
         children = [*node.args, *(child for child, _ in node.terms)]

@@ -173,7 +173,7 @@ class _Covered:
         return CoveredSets(found, "; ".join(self._unknown(cover)))
 
     def _range(self, x: str) -> tuple[float, float]:
-        """Where is looked."""
+        """The searched range of a state."""
         if x in self.box:
             return self.box[x]
         at = self.origin[x]
@@ -212,7 +212,7 @@ class _Covered:
         return cover.centre(c)
 
     def _unknown(self, cover: Components) -> list[str]:
-        """What is not decided, in words."""
+        """Description of the undecided parts."""
         free = self.reduced.free
         said = []
         if cover.undecided.shape[2]:

@@ -207,7 +207,7 @@ class Steady:
         return rightmost_first(np.linalg.eigvals(self.linearisation(point)))
 
     def sizes(self, points: Array, among: Array | None = None) -> Sizes:
-        """How large the numbers at some points are, and how well these solve the problem.
+        """Sizes of the terms at some points, and residuals.
 
         Parameters
         ----------

@@ -86,7 +86,7 @@ def members_beside(failure: NotClosed) -> list[Closed]:
 
 
 def family_of(members: list[Closed]) -> Family:
-    """What is said of a family of which two members are known."""
+    """Description of a family of which two members are known."""
     (first, second), shooting = members, members[1].shooting
     return _family(
         shooting, second.orbit, (second.orbit.x - first.orbit.x) / shooting.units(first.orbit.x)
@@ -94,7 +94,7 @@ def family_of(members: list[Closed]) -> Family:
 
 
 def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
-    """What is said of a family, of which one member and a direction are known."""
+    """Description of a family of which one member and a direction are known."""
     change = shooting.stations[0].basis @ direction[: shooting.first[1]]
     change = change / np.max(np.abs(change))
     names = shooting.problem.system.declaration.state

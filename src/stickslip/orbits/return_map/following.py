@@ -60,8 +60,7 @@ def flies(motion: Trajectory) -> bool:
 
 
 def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[Array | None]:
-    """Where the motions from some states are at the end, followed side by side; None if one ends
-    early.
+    """Final states of the motions from some states; None if one ends early.
 
     Parameters
     ----------

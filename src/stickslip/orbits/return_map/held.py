@@ -52,7 +52,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Touch:
-    """Where a contact comes nearest to slipping.
+    """Point at which a contact is nearest to slipping.
 
     Attributes
     ----------
@@ -110,7 +110,8 @@ def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
 
 
 def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], pieces: Pieces) -> Touch:
-    """Where a contact that sticks throughout comes nearest to slipping the way of its edge.
+    """Point at which a contact that sticks throughout is nearest to slipping in the direction of
+    its edge.
 
     At the least value of its guard only the value changes, not the time, so that the derivatives
     are those at a time.

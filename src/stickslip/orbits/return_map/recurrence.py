@@ -207,7 +207,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
 
 
 def modes_of_structures(motion: Trajectory) -> list[slice]:
-    """Where the modes of each structure, and their rates, are in the state."""
+    """Indices, in the state, of the modes of each structure and of their rates."""
     rows = motion._problem.rows
     firsts = (0, int(rows.sizes[INERTIAL]))
     return [

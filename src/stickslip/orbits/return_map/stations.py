@@ -33,7 +33,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Station:
-    """Where a part of the cycle begins, and coordinates around it.
+    """Start of a part of the cycle, and coordinates around it.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ def until(motion: Trajectory, knot: int) -> Trajectory:
 
 
 def _extreme(motion: Trajectory, f: Traced, sign: float) -> _Extreme:
-    """Where sign × quantity is least."""
+    """Minimum of sign × quantity."""
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.clock) > 0.0)
     right = sign * f.values(k.clock[steps], steps)

@@ -48,7 +48,7 @@ class Attraction:
         self._claims: Claims | None = None
 
     def prove(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> Array:
-        """Which lanes that were carried on by hand come to their cycles by themselves.
+        """Extrapolated lanes that are proved to converge to their cycles.
 
         Parameters
         ----------

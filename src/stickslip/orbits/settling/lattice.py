@@ -49,8 +49,7 @@ class Lattice(NamedTuple):
 
 
 def lattice(problem: Problem, table: Array) -> Lattice | None:
-    """What repeats in space for these parameters, shape (motions, parameters); None if nothing
-    does."""
+    """Spatial periods for given parameters, shape (motions, parameters); None if there are none."""
     equations = problem.compiled.equations
     read = moving_frame(equations, frozenset()).reading
     if not any(phase.keys() - {"t"} for phase in read.phases):

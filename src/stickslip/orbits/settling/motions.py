@@ -150,12 +150,12 @@ class Observed:
 
     @property
     def sums(self) -> Sums:
-        """What was summed up."""
+        """The accumulated sums."""
         return self.found.sums
 
 
 class Invariance(NamedTuple):
-    """What is known to leave a system unchanged along a motion.
+    """Known symmetries of a system along a motion.
 
     Attributes
     ----------
@@ -299,11 +299,11 @@ class Block:
 
     @property
     def settling(self) -> tuple[Marks, Rules, Lane, Bench]:
-        """What the loops that settle motions take beside their engine."""
+        """Arguments of the settling loops in addition to the engine."""
         return self.marks, self.rules, self.saved, self.bench
 
     def engine(self, lanes: Lanes) -> Engine:
-        """What the event loop takes for these lanes."""
+        """Arguments of the event loop for these lanes."""
         p = self.problem
         return Engine(
             p.machine,
@@ -426,7 +426,7 @@ class Block:
         marks.outcome[late] = np.where(growth > CERTAIN_GROWTH, Outcome.IRREGULAR.code, calm)
 
     def _name_rest(self) -> None:
-        """What is where it was after a period of its drive without having moved rests, or slides
+        """Motions that return after a period of the drive without having moved rest, or slide
         steadily."""
         marks, found = self.marks, self.found
         still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)

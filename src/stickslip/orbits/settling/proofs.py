@@ -210,7 +210,7 @@ class Prover:
         )
 
     def point(self, i: int, marks: Marks, saved: Lane) -> MotionPoint:
-        """Where a motion is whose rates have died out."""
+        """State of a motion whose rates have decayed."""
         return MotionPoint(
             self.problem.origin + float(saved.clock[i, NOW]),
             saved.y[i],
@@ -224,7 +224,7 @@ class Prover:
 
 
 def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
-    """Where the closed forms of the saved modes are; −1 where there is none."""
+    """Slots of the closed forms of the saved modes; −1 where there is none."""
     T, slots = lanes.forms, lanes.slots
     if slots == 0:
         return np.full(len(index), -1)
@@ -242,7 +242,7 @@ def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
 def affine_fates(
     lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, shifts: Array
 ) -> Fates:
-    """What becomes of motions in affine modes, if these last.
+    """Long-term outcomes of motions in affine modes, if the modes last.
 
     Parameters
     ----------

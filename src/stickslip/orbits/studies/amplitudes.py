@@ -418,7 +418,7 @@ class Amplitudes:
         return shooting, orbit
 
     def cycle(self, shooting: Shooting, orbit: Orbit) -> Cycle:
-        """What was found as a cycle, of equations whose parameters are given."""
+        """The solution as a cycle of equations with given parameters."""
         if self._latest is None or self._latest[0] is not orbit:
             fixed = shooting.with_pieces(self._given, orbit.problem)
             fixed.fixed = shooting.fixed

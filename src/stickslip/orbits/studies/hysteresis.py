@@ -320,14 +320,14 @@ class HysteresisOperator:
 
     @staticmethod
     def _meets(curve: PiecewiseAffine, start: float, end: float, level: float) -> float | None:
-        """Where a curve that is affine on an interval passes a level inside it."""
+        """Intersection of a curve that is affine on an interval with a level."""
         a, b = float(curve(start)) - level, float(curve(end)) - level
         return start + (end - start) * a / (a - b) if a * b < 0.0 else None
 
 
 @dataclass(frozen=True)
 class _Declared:
-    """What a declaration says of two rate-independent coordinates and the one that drives them.
+    """The declaration of two rate-independent coordinates and the one that drives them.
 
     Attributes
     ----------
@@ -396,7 +396,7 @@ class _Declared:
         return found
 
     def _corners(self) -> Array:
-        """Where the kinks of the formulas are."""
+        """Positions of the kinks of the formulas."""
         corners = [0.0]
         for g in self.kinks:
             slope = ex.derivative(g, self.driver)

@@ -247,8 +247,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
 
 
 def _linear_damping(system: System, values: Mapping[str, float]) -> Array:
-    """What resists the rates of inertial coordinates in proportion to them, everywhere: shape
-    (n, n)."""
+    """The constant part of the damping matrix of the inertial coordinates, shape (n, n)."""
     d = system.declaration
     names = d.inertial
     found = np.zeros((len(names), len(names)))

@@ -151,7 +151,7 @@ def _read_swinging(system: System, of: str | None, values: Mapping[str, float]) 
 
 
 def _divisors(formula: Expr) -> list[Expr]:
-    """What a formula divides by, where that is not constant."""
+    """Denominators of a formula that are not constant."""
     products = [e for e in ex.walk([formula]) if e.op == "prod"]
     bases = (base for e in products for base, power in e.terms if power < 0.0 and base.symbols)
     return list(dict.fromkeys(bases))

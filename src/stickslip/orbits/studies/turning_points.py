@@ -45,7 +45,7 @@ class SwingTrace:
         return self.along(clock, step)
 
     def roots(self, step: AnyArray, low: Array, high: Array) -> Array:
-        """Where the velocity is zero between two times of each of some steps at which its signs
+        """Zeros of the velocity between two times of each of several steps at which its signs
         differ."""
         from scipy.optimize.elementwise import find_root
 

@@ -23,7 +23,7 @@ NO_PHASES = np.zeros(0)  # phases at which a force touches
 
 
 class Looked(NamedTuple):
-    """What was found of a force.
+    """Results for a force.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Cover:
 
     @property
     def looked_at(self) -> int:
-        """How many phases were looked at."""
+        """Number of examined phases."""
         return len(self) + 1
 
     def look(self, xi: Array, enough: float, touching: Array = NO_PHASES) -> Looked:

@@ -114,8 +114,7 @@ def refined(
     moves = np.concatenate([np.zeros((k, 1, n + 1)), steps[:, None] * np.eye(n + 1)], axis=1)
 
     def at(x: Array, contacts: Array) -> tuple[float, Array, Array]:
-        """What is left of the equations, and where every contact touches, also with each of its
-        unknowns moved."""
+        """Residuals of the equations, and the active phases, also for perturbed unknowns."""
         points = contacts[:, None, :] + moves + np.append(x, 0.0)
         touch = _touched(source, points.reshape(-1, n + 1), np.repeat(widths, n + 2), size).reshape(
             points.shape

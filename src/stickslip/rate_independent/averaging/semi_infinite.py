@@ -195,7 +195,7 @@ class Intersection(Average):
 
     @cached_property
     def _memory(self) -> deque[HeldForce]:
-        """What was found last: starts for the next searches, which are often close by."""
+        """Last results, as starts for the next searches, which are often nearby."""
         return deque(maxlen=_MEMORY)
 
     @cached_property
@@ -219,7 +219,7 @@ class Intersection(Average):
         return sets is not None and float(sets.excess(xi).max()) > least
 
     def _known(self, xi: Array) -> Looked | None:
-        """What is known of a force from one that is the same up to rounding."""
+        """Known results for a force that agrees with a previous one up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
         k = int(away.argmin())
         if away[k] > LAST_DIGITS * self.size:
@@ -286,7 +286,7 @@ class Intersection(Average):
         return held
 
     def _remembered(self, V: Array, rule: float) -> HeldForce | None:
-        """What resists V, if that follows from the forces that were found before."""
+        """The force opposing V, if it follows from previous results."""
         if not self._memory:
             return None
         # A motion is held by the force that held one in the same direction.
@@ -442,7 +442,7 @@ class Intersection(Average):
 
 
 def _worst(looked: Looked) -> float:
-    """How far a force lies outside, or inside; 0 if it may lie outside by less than is resolved."""
+    """Signed distance of a force; 0 if it is outside by less than the resolution."""
     worst = float(looked.excess.max())
     return (
         worst

@@ -37,7 +37,7 @@ class Motion(Protocol):
 
     @property
     def certificate(self) -> Certificate:
-        """What was measured of it, once it has passed."""
+        """Certificate of the completed motion."""
         ...
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
@@ -195,7 +195,7 @@ def evolved(
 
 
 class Gauge:
-    """What is measured of a motion. |·| is the energy norm √⟨Az, z⟩.
+    """Measures of a motion. |·| is the energy norm √⟨Az, z⟩.
 
     Parameters
     ----------

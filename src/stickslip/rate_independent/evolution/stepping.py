@@ -146,7 +146,7 @@ class March:
         )
 
     def _accepted(self, tried: Measured) -> tuple[int, Array]:
-        """How many steps are accepted, and which ones are short enough."""
+        """Number of accepted steps, and whether each step is short enough."""
         columns = tried.block.columns
         fits = np.ones(len(tried.block.times), bool)
         if self.adaptive:

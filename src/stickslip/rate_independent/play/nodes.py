@@ -162,7 +162,7 @@ class Nodes(NamedTuple):
 
 
 class Last(NamedTuple):
-    """Where a stretch of panels ended."""
+    """State at the end of a sequence of panels."""
 
     low: float
     high: float

@@ -189,7 +189,7 @@ def _parts(threshold: Any) -> dict[str, Any]:
 
 
 def _revived(entry: Any) -> Any:
-    """What was stored as data for JSON."""
+    """Values restored from JSON."""
     if isinstance(entry, dict) and "samples" in entry:
         return Samples.from_plain(entry["samples"], "load")
     if isinstance(entry, dict) and "sum" in entry:
@@ -251,7 +251,7 @@ class Play(Result):
 
     @property
     def mode(self) -> Array:
-        """What z does after each node but the last: 1 up, 0 at rest, −1 down; shape (n,)."""
+        """Mode of z after each node but the last: 1 upward, 0 at rest, −1 downward; shape (n,)."""
         return self.nodes.mode[:-1]
 
     @property

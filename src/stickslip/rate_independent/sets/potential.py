@@ -365,7 +365,7 @@ class Dissipation(ABC):
         return plot_average(self, self.average())
 
     def _said(self) -> list[tuple[str, str]]:
-        """What there is to say of it on a page."""
+        """Its summary."""
         depends = "the phase s = t/ε" if self.depends_on_phase else "the rates only"
         known = "bounded at all phases" if self.bounded else "known at sampled phases"
         return [

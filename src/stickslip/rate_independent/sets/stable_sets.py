@@ -27,7 +27,7 @@ SIZED_AT = 17  # at which the size of K(s) is looked up
 
 
 class Step(NamedTuple):
-    """What belongs to increments d, one row each.
+    """Data of increments d, one row each.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class StableSets(Protocol):
         ...
 
     def moving(self, d: Array) -> Array:
-        """How many components (or groups) of every row move."""
+        """Number of moving components (or groups) of every row."""
         ...
 
     def total(self, d: Array) -> Array:

@@ -34,7 +34,7 @@ def read(
     shape: tuple[int, ...] | None = None,
     interpolation: str = "linear",
 ) -> Signal:
-    """What was given as a function of a clock.
+    """The given signal as a function of its argument.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def read(
 
 
 def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
-    """What was given as a function of the phase, looked at and checked.
+    """The given signal as a function of the phase, checked at sampled phases.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ CONSTANT, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = rang
 
 
 class Instructions(NamedTuple):
-    """What is done, one after the other, with a table of values.
+    """A sequence of operations on a table of values.
 
     Attributes
     ----------

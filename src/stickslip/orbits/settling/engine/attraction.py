@@ -98,7 +98,7 @@ _FURTHEST = 20_000  # returns after which a deviation has to be so small
 
 
 class Claims(NamedTuple):
-    """What is to be proved of lanes, and room for it.
+    """Claims about lanes, with work space for their proofs.
 
     Attributes
     ----------

@@ -86,7 +86,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
 
 @compiled()
 def rows_of(T: ClosedForms, slot: int, n: int) -> int:
-    """How many rows a mode has: its rates and guards."""
+    """Number of rows of a mode: its rates and guards."""
     return n + T.counts[slot, GUARDS] if T.status[slot] == AFFINE else 0
 
 

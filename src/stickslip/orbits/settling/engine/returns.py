@@ -171,7 +171,7 @@ def begin_again(m: Marks, i: int, lag: int) -> None:
 
 @compiled()
 def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
-    """How closely the last mark comes back to the one so many marks before it.
+    """Distance of the last mark from the mark a given number before it.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
 
 @compiled()
 def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
-    """How closely the last mark comes back after the lag, which changes where it has to; infinite
-    if there is none."""
+    """Distance of the last mark from the mark a lag before it; the lag is updated if necessary.
+    Infinite if there is none."""
     numbers = m.numbers[i]
     real = m.real[i]
     ring = m.time.shape[1]
@@ -247,8 +247,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 @compiled()
 def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
-    """Where returns have not shrunk for long, look at the shortest that is nearly as close as
-    any."""
+    """If returns have not shrunk for long, use the shortest one that is nearly as close as any."""
     numbers = m.numbers[i]
     best = np.inf
     lag = 0
@@ -287,7 +286,8 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
 def extrapolate(
     m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
 ) -> tuple[float, float]:
-    """Where the last k + 1 returns lead, if the last one is a combination of those before it.
+    """Extrapolated limit of the last k + 1 returns, if the last one is a combination of those
+    before it.
 
     Parameters
     ----------
