@@ -17,7 +17,7 @@ import stickslip as ss
 from bodies import chain
 from stickslip.errors import DeclarationError
 from stickslip.explorer.offline.plan import read_plan
-from stickslip.sweeps.request.user_measures import read_measures
+from stickslip.sweeps.request.user_measures import offered_measures, read_measures
 
 UNKNOWN = "qq_99"  # close to no name
 BRIEF = 0.05  # seconds, in which what is accepted has begun
@@ -223,6 +223,9 @@ DOORS |= {
     ),
     "coordinates of a plot": lambda kind, name: motion_of(kind).plot(coordinates=[name]),
     "plot of a map": lambda kind, name: map_of(kind).plot(name),
+    "carry": lambda kind, name: swept(
+        kind, {"F": [0.1, 0.2], next(iter(system_of(kind).starts)): [0.0, 0.01]}, carry=name
+    ),
 }  # fmt: skip
 SOME: dict[str, Callable[[str, str], Any]] = {
     "drive": lambda kind, name: ss.fit_problem(
@@ -272,6 +275,12 @@ def test_names_of_some_systems_are_accepted(door: str) -> None:
 @pytest.mark.parametrize("measure", OF)
 def test_what_is_listed_can_be_measured(measure: str, kind: str) -> None:
     check(lambda name: read_measures(system_of(kind), [f"{measure}:{name}"]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_measures_that_the_explorer_offers_are_accepted(kind: str) -> None:
+    system = system_of(kind)
+    assert read_measures(system, [*offered_measures(system)])
 
 
 def test_unknowns_of_structures_are_listed() -> None:

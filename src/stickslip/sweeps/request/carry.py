@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.system import System
 from stickslip.sweeps.request.axes import SAMPLES, Axis
 
@@ -85,12 +85,16 @@ def read_carry(
     way = words.pop() if len(words) > 1 and words[-1] in _WAYS else ""
     found = [i for names, i in known.items() if tuple(words) in (names, ("_".join(names),))]
     if not found:
-        names = ", ".join(",".join(names) for names in known)
+        remedy = suggestion(
+            str(carry),
+            [",".join(names) for names in known],
+            accepts=lambda text: read_carry(system, axes, text),
+        )
         last = words[-1] if words else ""
         reason = f"'{short(str(carry))}' is not an axis of the map"
         if len(words) > 1 and any(tuple(words[:-1]) == names for names in known):
             reason = f"unknown direction '{short(last)}'"
-        raise DeclarationError("carry", reason, f"The axes are {names}. {_FORM}")
+        raise DeclarationError("carry", reason, f"{_FORM}. {remedy}")
     axis = axes[found[0]]
     text = ",".join(axis.names)
     _check_axis(system, axis, text)
