@@ -121,11 +121,11 @@ class History(Result):
         and, reported without a limit,
 
         - *energy balance from below*, *from above*: one-sided sums of dissipation and work, which
-        bound the energy balance from both sides, relative to the energy transferred; - *error of
-        z*: √(2 Σ(|defect| + slack)) plus the largest missed displacement, in the energy norm; a
-        rigorous bound if the force never leaves K between steps; - *samples*: number of times at
-        which load and thresholds were evaluated; 0 if they are bounded between the steps, because
-        they consist of formulas and tables.
+          bound the energy balance from both sides, relative to the energy transferred;
+        - *error of z*: √(2 Σ(|defect| + slack)) plus the largest missed displacement, in the energy
+          norm; a rigorous bound if the force never leaves K between steps;
+        - *samples*: number of times at which load and thresholds were evaluated; 0 if they are
+          bounded between the steps, because they consist of formulas and tables.
         """
         column = {
             name: self.dataset[name].values
