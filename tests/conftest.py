@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 from inspect import unwrap
 from pathlib import Path
 
 import pytest
+
+# Before the library is imported, here and in processes that tests start: each test compiles its
+# systems, and few of them move for long. `machine_code/test_quick_compile.py` compares the bits.
+os.environ.setdefault("STICKSLIP_QUICK_COMPILE", "1")
 
 from stickslip import simulate
 
@@ -48,3 +54,10 @@ def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     assert defaults is not None
     monkeypatch.setitem(defaults, "flow", chosen)
     return request.param
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage less often: modules and tests stay, and most objects are not cyclic."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)

@@ -90,6 +90,7 @@ class Run:
     h: float = 0.0
     steps: int = 0
     wrong: bytes = b""
+    pieces: dict[tuple[bytes, bytes, tuple[int, ...]], Piece] = field(default_factory=dict)
     # beginnings and interpolants of the steps, if they are kept
     path: list[tuple[float, Law]] | None = None
 
@@ -107,7 +108,7 @@ class Run:
         )
         self.side = np.where(kinks >= 0.0, 1, -1)
         contacts = len(m.J)
-        piece = Piece(m, np.zeros(contacts, int), self.side)
+        piece = self.piece_of(np.zeros(contacts, int), self.side)
         w = piece.belt(self.t)[0]
         u = piece.J[:, :nq] @ v - w
         self.mode = np.where(
@@ -117,11 +118,11 @@ class Run:
         self.phases: list[Phase] = []
         self.h = min(
             m.step,
-            self.limit(Piece(m, self.mode, self.side), self.t, self.y),
+            self.limit(self.piece_of(self.mode, self.side), self.t, self.y),
             1e-3 * (self.end - self.t),
         )
         held = set(np.flatnonzero((self.mode == 0) & ~piece.rate).tolist())
-        self.check_stable(Piece(m, self.mode, self.side), n, nq)
+        self.check_stable(self.piece_of(self.mode, self.side), n, nq)
         self.decide(held, set(np.flatnonzero(np.abs(kinks) < 1e-14).tolist()))
 
     def check_stable(self, piece: Piece, n: int, nq: int) -> None:
@@ -134,6 +135,13 @@ class Run:
 
     # -- deciding ----------------------------------------------------------------------------------
 
+    def piece_of(self, mode: Array, side: Array, static: Sequence[int] = ()) -> Piece:
+        """The piece of a mode and a region: its matrices are constant."""
+        key = (mode.tobytes(), side.tobytes(), tuple(static))
+        if key not in self.pieces:
+            self.pieces[key] = Piece(self.m, mode.copy(), side.copy(), static)
+        return self.pieces[key]
+
     def decide(self, contacts: set[int], kinks: set[int], wrong: bytes = b"") -> None:
         """Find the mode and region that are right from here on; the open switches are given, near
         ones are added.
@@ -142,7 +150,7 @@ class Run:
         left out.
         """
         self.wrong = wrong
-        now = Piece(self.m, self.mode, self.side)
+        now = self.piece_of(self.mode, self.side)
         guards = now.rates(self.t, self.y)[1]
         scale = now.scales(self.t, self.y, self.h)
         count = len(self.mode)
@@ -157,7 +165,7 @@ class Run:
         for _ in range(count + len(self.side) + 2):
             self.land(contacts)
             mode, side = self.choose(contacts, kinks)
-            piece = Piece(self.m, mode, side)
+            piece = self.piece_of(mode, side)
             # Forces jump when something starts to slide: others may not hold any more.
             broken = np.flatnonzero(
                 piece.rates(self.t, self.y)[1] < NEAR * piece.scales(self.t, self.y, self.h)
@@ -202,15 +210,16 @@ class Run:
                 continue
             candidates.append((np.count_nonzero(new_mode), new_mode, new_side))
         candidates.sort(key=lambda c: c[0])  # what can stick sticks
-        scores: list[Any] = []
+        scores: list[float] = []
         for h in self.h * SHORT:
-            scores = [
-                np.min(self.probe(Piece(self.m, c[1], c[2], contacts), h)[watched], initial=np.inf)
-                for c in candidates
-            ]
-            right = next(
-                (c for c, score in zip(candidates, scores, strict=True) if score >= -ZERO), None
-            )
+            scores = []
+            right = None
+            for candidate in candidates:
+                least = self.probe(self.piece_of(candidate[1], candidate[2], contacts), h)[watched]
+                scores.append(float(np.min(least, initial=np.inf)))
+                if scores[-1] >= -ZERO:
+                    right = candidate
+                    break
             if right is None and max(scores) > -1e-9:
                 right = candidates[int(np.argmax(scores))]
             if right is not None:
@@ -247,7 +256,7 @@ class Run:
 
     def land(self, contacts: set[int]) -> None:
         """Relative velocities that have just vanished are 0, not nearly."""
-        piece = Piece(self.m, self.mode, self.side)
+        piece = self.piece_of(self.mode, self.side)
         nq = self.m.kinds[0]
         rows = [i for i in sorted(contacts) if piece.inertial[i]]
         if rows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -25,6 +26,9 @@ from stickslip.machine_code.store import cache_folder, keep, stored
 # compile than most motions to compute.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
 _LONG = 400_000  # characters of code without loops, not counting tables
+# For many systems that each move briefly: level 0 compiles in a fifth of the time, and motions take
+# a sixth longer. The bits are the same, because LLVM does not reorder arithmetic.
+QUICK = bool(os.environ.get("STICKSLIP_QUICK_COMPILE"))
 # What compiled functions may call of C's mathematical library.
 MATHEMATICS: Sequence[str] = (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp2 expm1 floor fma "
@@ -80,7 +84,7 @@ class Provider:
         return self._make()
 
 
-_kept: WeakValueDictionary[str, Code] = WeakValueDictionary()  # code in memory, by its assembly
+_kept: WeakValueDictionary[tuple[str, int], Code] = WeakValueDictionary()  # by assembly and effort
 _recent: deque[Code] = deque(maxlen=32)  # for systems that are declared again and again
 _permanent: dict[str, Code] = {}  # code that is called by address, so that nothing refers to it
 _provided: dict[str, Provider] = {}
@@ -218,17 +222,17 @@ def code_of(assembly: str, name: str) -> Code:
     name : str
         Under which it is kept on disk.
     """
+    length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
+    effort = LONG if QUICK or length >= _LONG else STRAIGHT
     with _LOCK:
-        code = _kept.get(assembly)
+        code = _kept.get((assembly, effort))
         if code is None:
-            length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
-            effort = STRAIGHT if length < _LONG else LONG
             made = object_of(assembly, cache_folder() / name, processor(), effort)
             declared = [line for line in assembly.splitlines() if line.startswith("declare")]
             called = [line[line.index("@") + 1 : line.index("(")] for line in declared]
             find_functions(called)
             needed = [found for name in called if (found := _provided.get(name)) is not None]
-            code = _kept[assembly] = loaded([made], needed)
+            code = _kept[assembly, effort] = loaded([made], needed)
         if code.lasting:
             _recent.append(code)
         return code
