@@ -33,9 +33,9 @@ ELLIPSES = {
     "breathing": ("2*pi*s", "1 + cos(2*pi*s)/2", "sin(4*pi*s)/3"),
 }  # angle of the long axis, times two; mean and half difference of the squares
 TITLES = {
-    "versions": "What a change costs",
-    "averages": "What a change costs: a step with averaged friction",
-    "maps": "What a change costs: parameter maps",
+    "versions": "Changes of speed between versions",
+    "averages": "Changes of speed: a step with averaged friction",
+    "maps": "Changes of speed: parameter maps",
 }
 MAPS: dict[str, tuple[str, dict[str, str], list[str]]] = {
     "rocking_toy": (
