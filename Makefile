@@ -5,7 +5,7 @@ BIN    := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --prefer-binary --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-fast docs wheel release machine-code clean
+.PHONY: help demo test test-fast bench-guard docs wheel release machine-code clean
 
 # What is tested in a minute: formulas and models, the translator, machine code, equations, the rules of
 # the house, and one motion of each system of the catalogue. Random programs and what stays in memory take
@@ -17,6 +17,7 @@ help:
 	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
 	@echo "make test-fast   check style, and a part of the tests: a minute"
+	@echo "make bench-guard BASE=COMMIT   motions of this version and of another in turn: ratios of times, 5 minutes"
 	@echo "make docs   build the documentation: docs/_build/html/index.html"
 	@echo "make wheel  build the package with the engine's machine code: dist/"
 	@echo "make release VERSION=1.2.3   commit and tag a release, if everything names this version"
@@ -48,6 +49,12 @@ test-fast: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --quiet --check .
 	$(BIN)/pytest -q -n 2 $(FAST)
+
+# The last release, or the previous commit if there is none.
+BASE ?= $(shell git describe --tags --abbrev=0 2>/dev/null || git rev-parse HEAD~1)
+
+bench-guard: .venv/ready-for-tests
+	$(BIN)/python benchmarks/versions.py $(BASE)
 
 docs: .venv/ready-for-docs machine-code
 	$(BIN)/sphinx-build -W --keep-going -E -q -j 2 -b html docs docs/_build/html

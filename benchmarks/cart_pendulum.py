@@ -53,7 +53,7 @@ SOFT = dict(option="", joint="")
 STIFF = 'solreffriction="{} 1" solimpfriction="0.9999 0.9999 0.001"'
 NOSLIP = dict(option='noslip_iterations="10" noslip_tolerance="0"', joint="")
 found = {
-    "as it comes, 2 ms": follow(step=0.002, integrator="implicitfast", **SOFT),
+    "default settings, 2 ms": follow(step=0.002, integrator="implicitfast", **SOFT),
     "NoSlip, 2 ms": follow(step=0.002, integrator="implicitfast", **NOSLIP),
     "NoSlip, 0.02 ms": follow(step=0.00002, integrator="implicitfast", **NOSLIP),
     "Runge-Kutta, stiffer friction, 0.1 ms": follow(
@@ -152,7 +152,7 @@ def main() -> None:
     told = subprocess.run([python, "-c", MUJOCO], capture_output=True, text=True, check=True)
     version, others = json.loads(told.stdout)
     rows: list[tuple[str, tuple[Array, float]]] = [
-        ("**stickslip**, as it comes", timed(ours)),
+        ("**stickslip**, default settings", timed(ours)),
         ("SciPy, DOP853 with events by hand, 1e-12", timed(lambda: by_hand(1e-12))),
         ("SciPy, DOP853 with events by hand, 1e-6", timed(lambda: by_hand(1e-6))),
         *((f"SciPy, Radau, tanh(v/{w:g})", timed(lambda w=w: smoothed(w))) for w in (1e-2, 1e-4)),

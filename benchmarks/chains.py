@@ -172,12 +172,12 @@ def quakes() -> list[str]:
         "",
         f"Between {low:g} and {high:g} the numbers follow size^(−b) with b = {b:.2f} ± "
         f"{error:.2f} ({np.log10(high / low):.0f} decades); from there to {end_of_small:g} they "
-        f"fall faster, b = {steeper:.2f} ± {its_error:.2f}. Below stand events of a single block, "
-        "which have a size of their own. Then comes a gap, and a "
-        f"bump: {np.count_nonzero(great)} great events of "
-        f"{np.median(blocks[great]) if np.any(great) else 0:.0f} blocks (median), which carry "
-        f"{100 * sizes[great].sum() / sizes.sum():.1f} % of all slip. Carlson and Langer see the "
-        "same kinds: a power law of small events, with b near 1, and great events in excess of it.",
+        f"decrease faster, b = {steeper:.2f} ± {its_error:.2f}. Smaller events involve a single "
+        "block and have a characteristic size. Above a gap there are "
+        f"{np.count_nonzero(great)} large events of "
+        f"{np.median(blocks[great]) if np.any(great) else 0:.0f} blocks (median), which make up "
+        f"{100 * sizes[great].sum() / sizes.sum():.1f} % of all slip. Carlson and Langer observed "
+        "the same: a power law of small events, with b near 1, and an excess of large events.",
         "",
         "![sizes of events](chains.png)",
         "",

@@ -235,7 +235,7 @@ def memory() -> str:
         cwd=RESULTS.parents[1],
     )
     gigabytes = float(found.stdout)
-    return f"Memory of a whole process with 10⁶ unknowns, at its largest: {gigabytes:.2f} GB."
+    return f"Peak memory of the process with 10⁶ unknowns: {gigabytes:.2f} GB."
 
 
 def only_steps() -> None:

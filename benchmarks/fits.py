@@ -53,17 +53,18 @@ ROUNDS = 5
 # 0.1 standard errors with 1e-5.
 WIDTH = 1e-6
 NOTES = [
-    "*Off the truth*: the largest of the estimates' errors, in standard errors; it is mostly the "
-    "noise of the record, and the same for all that have found the least sum of squares. *Off the "
-    "minimum*: distance from that of the exact motion, in standard errors: the fault of the tool. "
-    "*Error of derivatives*: the largest at the truth, beside complex steps of closed forms, in "
-    "units of the largest derivative by the same parameter.",
+    "*Off the truth*: the largest error of the estimates, in standard errors. It is mostly due to "
+    "the noise of the record, and equal for all tools that find the minimum of the sum of squares. "
+    "*Off the minimum*: the distance from the minimum for the exact motion, in standard errors, "
+    "which is due to the tool. *Error of derivatives*: the largest error at the true parameters, "
+    "compared with complex steps of closed forms, in units of the largest derivative with respect "
+    "to the same parameter.",
     "",
-    "The time of `ss.fit` is that of everything it does: it follows a start over growing parts of "
-    "the record, and reckons intervals, tests of the residuals and a certificate; with eight "
-    "starts, the default, it looks about in all of the box. The others descend once from the "
-    "given start, and give estimates and standard errors. lmfit on `solve_ivp` with events is "
-    "told which boundary ends which mode, and when stick ends.",
+    "The time of `ss.fit` includes fits to growing parts of the record, intervals, tests of the "
+    "residuals and a certificate; with eight starts, the default, it searches the complete box. "
+    "The other tools run one search from the given start, and return estimates and standard "
+    "errors. For lmfit on `solve_ivp` with events, the boundary that ends each mode and the end of "
+    "stick are given.",
 ]
 STEP = 1e-4  # relative, of finite differences: MINPACK's own is lost in the error of the motion
 
@@ -404,7 +405,7 @@ def quicker(measured: list[str]) -> str:
     """Who takes less time than ``ss.fit`` from one start."""
     cells = [[cell.strip() for cell in row.split("|")] for row in measured]
     found = [f"{c[2]} ({c[1]}: {c[4]})" for c in cells if float(c[4]) < 1.0]
-    return f"Quicker than `ss.fit` from one start: {'; '.join(found) or 'none'}."
+    return f"Faster than `ss.fit` from one start: {'; '.join(found) or 'none'}."
 
 
 def main() -> None:

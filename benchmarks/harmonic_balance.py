@@ -49,17 +49,17 @@ GOALS = (1e-3, 1e-6)
 POINTS = 10  # of a response
 NOTES = [
     "One Jenkins element under a harmonic force, in steady motion "
-    "(`python benchmarks/harmonic_balance.py`). Harmonic balance is our own: linear parts are "
-    "eliminated exactly, only odd harmonics of the damper's displacement are unknown, its force "
-    "comes from samples of half a period and Newton's method has their exact derivative. Errors "
-    "are those of the amplitude. What stickslip returns is a cycle with a certificate, its "
-    "multipliers and all modes of its motion; harmonic balance returns harmonics. A point of a "
-    f"response starts from the cycle of the frequency before, of {POINTS} between 0.9 and 1.1 "
-    "times that of the point alone.",
+    "(`python benchmarks/harmonic_balance.py`). The harmonic balance is our own implementation: "
+    "linear parts are eliminated exactly, only odd harmonics of the damper's displacement are "
+    "unknown, its force is computed from samples of half a period, and Newton's method uses their "
+    "exact derivative. Errors are those of the amplitude. stickslip returns a cycle with a "
+    "certificate, its multipliers and its modes; harmonic balance returns harmonics. A point of a "
+    f"response starts from the cycle at the previous frequency, of {POINTS} frequencies between "
+    "0.9 and 1.1 times that of the single point.",
     "",
-    "Contacts without a spring are left out. Their force jumps where a slip turns, so that its "
-    "harmonics fall with 1/h only, and alternating frequency and time needs a spring in front of "
-    "them, or a regularised law.",
+    "Contacts without a spring are not included. Their force jumps when a slip reverses, so its "
+    "harmonics decrease only like 1/h, and the alternating frequency/time method needs a spring in "
+    "series with them, or a regularised law.",
     "",
 ]
 FEW = 32  # samples of half a period, for a start
@@ -431,10 +431,11 @@ def measured(problem: Problem) -> tuple[list[Row], str]:
     ]
     rows.append(Row(0, 0, max(off, 1e-16), points["0"], lines["0"] / POINTS))
     said = (
-        f"The amplitude is {exact:.12g} {problem.unit}; followed for a period by matrix "
-        f"exponentials, the certified cycle misses itself by {missed:.1e}, and its amplitude by "
-        f"{off:.1e}. To simulate a period of it takes {1e3 * period:.2g} ms; the rest is for the "
-        "derivatives that Newton's method and the multipliers ask for, and for the certificate."
+        f"The amplitude is {exact:.12g} {problem.unit}; computed for a period by matrix "
+        f"exponentials, the certified cycle closes to {missed:.1e}, and its amplitude agrees to "
+        f"{off:.1e}. The simulation of a period takes {1e3 * period:.2g} ms; the remaining time is "
+        "for the derivatives that Newton's method and the multipliers require, and for the "
+        "certificate."
     )
     return rows, said
 
@@ -451,7 +452,7 @@ def table(problem: Problem, rows: list[Row], said: str) -> list[str]:
     lines = [
         f"## {problem.system.title}",
         "",
-        "| | samples of a period | error | a point alone, ms | times stickslip | "
+        "| | samples of a period | error | a single point, ms | times stickslip | "
         "a point of a response, ms | times stickslip |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
@@ -472,7 +473,8 @@ def table(problem: Problem, rows: list[Row], said: str) -> list[str]:
             "",
             f"At an error of {goal:g}, the fastest harmonic balance (harmonics to "
             f"{best.harmonics}, {best.samples} samples) takes {times[0]:.2g} times as long as "
-            f"stickslip for a point alone, and {times[1]:.2g} times as long for one of a response.",
+            f"stickslip for a single point, and {times[1]:.2g} times as long for a point of a "
+            "response.",
         ]
     return [*lines, ""]
 
@@ -529,14 +531,14 @@ def main() -> None:
 
     argparse.ArgumentParser(description=__doc__).parse_args()
     results = dict[str, list[Row]]()
-    lines = ["# Cycles beside harmonic balance", "", machine(), "", *NOTES]
+    lines = ["# Cycles compared with harmonic balance", "", machine(), "", *NOTES]
     for problem in (oscillator(), beam()):
         rows, said = measured(problem)
         results[problem.system.title] = rows
         lines += table(problem, rows, said)
     figure(results)
     lines += [
-        "Errors over times; beside the points stands the highest harmonic.",
+        "Errors over times; the numbers are the highest harmonics.",
         "",
         "![errors over times](harmonic_balance.png)",
         "",

@@ -2,7 +2,7 @@
 
 What newton-physics/newton#4255 asks of dry friction in joints: hold below the threshold without
 sustained creep, slide with the specified force above it, stop, treat gravity and efforts alike, and
-follow changes of the load. The same by MuJoCo, as it comes, with stiffer friction, and with its
+follow changes of the load. The same by MuJoCo with default settings, with stiffer friction, and its
 NoSlip pass, and a block on a slope, which is held by a contact. PYTHON is one that has MuJoCo; by
 default this one. The tables go to ``benchmarks/results/holding.md``.
 """
@@ -69,14 +69,14 @@ def slid(step, option):
 STIFF = 'solreffriction="0.004 1" solimpfriction="0.9999 0.9999 0.001"'
 NOSLIP = 'noslip_iterations="10" noslip_tolerance="0"'
 joints = {
-    "as it comes, steps of 2 ms": checks(0.002),
+    "default settings, steps of 2 ms": checks(0.002),
     "discrete integrator, steps of 2 ms": checks(0.002, scheme="discrete"),
     "stiffer friction, steps of 2 ms": checks(0.002, joint=STIFF),
     "NoSlip, steps of 2 ms": checks(0.002, NOSLIP),
     "NoSlip, steps of 0.2 ms": checks(0.0002, NOSLIP),
 }
 blocks = {
-    "as it comes": slid(0.002, ""),
+    "default settings": slid(0.002, ""),
     "elliptic cone, impratio 10": slid(0.002, 'cone="elliptic" impratio="10"'),
     "elliptic cone, impratio 10, NoSlip": slid(0.002, f'cone="elliptic" impratio="10" {NOSLIP}'),
 }
@@ -142,13 +142,13 @@ def main() -> None:
 
     rows = [row(f"MuJoCo, {name}", found) for name, found in joints.items()]
     rows.append(row(OURS, checks))
-    head = ["way in rad", "held, 100 s", "effort in place of the weight", "effort that turns"]
-    head += ["effort up to 0.998 of the friction", "stop: error"]
+    head = ["displacement in rad", "held for 100 s", "effort in place of the weight"]
+    head += ["alternating effort", "effort up to 0.998 of the friction", "error at the stop"]
     lines = ["# Holds at rest", "", f"{platform.machine()}, {platform.system()}", "", "## joint"]
     lines += ["", *table(head, rows), "", "## block", ""]
     contacts = [[f"MuJoCo, {name}", f"{1e3 * x:.2g}"] for name, x in blocks.items()]
     contacts.append([OURS, f"{1e3 * slid:g}"])
-    lines += [*table(["a block on a slope", "way in 100 s, mm"], contacts), ""]
+    lines += [*table(["a block on a slope", "displacement in 100 s, mm"], contacts), ""]
     lines += [f"MuJoCo {version}, stickslip {ss.__version__}", ""]
     print("\n".join(lines))
     RESULTS.write_text("\n".join(lines), encoding="utf-8")

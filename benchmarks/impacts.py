@@ -431,11 +431,11 @@ def reference(motion: Motion) -> tuple[Array, str]:
     try:
         other, _ = prepare_heyoka(motion, tol=1e-16)()
     except ImportError:
-        return own, "errors are against stickslip at rtol = 1e-13"
+        return own, "errors are relative to stickslip at rtol = 1e-13"
     apart = np.max(np.abs(own - other) / motion.sizes)
     return other, (
-        f"errors are against heyoka at tol = 1e-16, from which stickslip at rtol = 1e-13 is "
-        f"{apart:.1e} away"
+        f"errors are relative to heyoka at tol = 1e-16, from which stickslip at rtol = 1e-13 "
+        f"differs by {apart:.1e}"
     )
 
 
@@ -516,7 +516,7 @@ def table(time_interleaved: Callable[..., dict[str, float]]) -> list[str]:
             try:
                 runs[f"{tool}, order of modes known"] = PREPARE[tool](motion, **options)
             except ImportError as error:
-                notes.append(f"{tool} is absent: {error}.")
+                notes.append(f"{tool} was not measured: {error}.")
         ends = {name: run() for name, run in runs.items()}
         cycles = {n: motion.cycles * (BATCH if n.endswith("loop") else 1) for n in runs}
         seconds = {n: s / cycles[n] for n, s in time_interleaved(runs).items()}
@@ -528,7 +528,7 @@ def table(time_interleaved: Callable[..., dict[str, float]]) -> list[str]:
                     for step, end, spent in run_siconos(of_the_bird(), SICONOS_STEPS)
                 ]
             except OSError as error:
-                notes.append(f"Siconos is absent: {error}.")
+                notes.append(f"Siconos was not measured: {error}.")
         for name, spent, end, switches in rows:
             error = np.max(np.abs(end - exact) / motion.sizes)
             lines.append(
@@ -537,8 +537,8 @@ def table(time_interleaved: Callable[..., dict[str, float]]) -> list[str]:
             )
     notes.append(
         "heyoka and SciPy are given the order of the modes; their switches are ends of modes (91 "
-        "and 53 if none is passed over), those of stickslip changes of contacts. Siconos is told "
-        "nothing and is of order one; it has no friction of a given threshold for the spool."
+        "and 53 if none is missed), those of stickslip changes of contacts. Siconos is not given "
+        "the order and has first order; it has no friction with a given threshold for the spool."
     )
     return [*lines, "", *return_map(), "", *on_feet(), "", *notes]
 

@@ -177,7 +177,7 @@ def main() -> None:
             print(line, flush=True)
         plots = place / "plots" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
         parts = [sets, packages(core), starts(plots, place), netcdf(plots, place, core)]
-    lines = ["# What an installation takes", "", machine(), ""]
+    lines = ["# Size and start of an installation", "", machine(), ""]
     for part in parts:
         lines += [*part, ""]
     lines += [REMARK, ""]
@@ -186,14 +186,14 @@ def main() -> None:
 
 
 REMARK = """\
-The wall clock depends on what else the machine does: compare it with that of Python by itself, and
-with the time of the processor, which is what the goals are about on an idle machine.
+The wall-clock time depends on the load of the machine: compare it with that of Python alone, and
+with the processor time, to which the goals apply on an idle machine.
 
 The goal of 350 MB for the core is missed. llvmlite, SciPy and NumPy alone exceed it: llvmlite is
 LLVM, which compiles the functions of every new system (the engine itself comes compiled), and
 cycles, equilibria, fits and structures use SciPy's linear algebra, optimisation and sparse
-matrices. pandas stays as long as results are xarray datasets, because xarray requires it. netCDF4
-stays as well: h5netcdf is smaller, but writes and reads the same files several times slower.
+matrices. pandas is required because results are xarray datasets. netCDF4 is
+required as well: h5netcdf is smaller, but writes and reads the same files several times slower.
 `stickslip run` loads neither SciPy nor any module of a later package
 (`tests/packaging/test_lean.py`).
 """

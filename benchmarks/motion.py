@@ -175,7 +175,7 @@ def main() -> None:
     kept = RESULTS.read_text() if alone else ""
     first, _, rest = kept.partition(IMPACTS)
     second, _, third = rest.partition(PLANES)
-    absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
+    absent = [f"{name} was not measured: {reason}" for name, reason in ABSENT.items()]
     parts = [
         first.strip()
         if alone

@@ -92,15 +92,15 @@ def table(rows: dict[str, list[list[float]]], left_out: int) -> str:
     """Medians and the largest of each family."""
     whole = np.array([row for own in rows.values() for row in own])
     lines = [
-        "# Friction in a plane against smoothed friction",
+        "# Friction in a plane compared with smoothed friction",
         "",
         f"{len(whole)} random systems at t = 1, 2, 3 (`python benchmarks/planar_friction.py`): "
         "largest difference from the library's certified motion, relative to the size of a "
-        "quantity over the whole motion. Radau integrates "
+        "quantity over the complete motion. Radau integrates "
         "−k Au/√(|Au|² + ε²) at three ε; their extrapolation is the limit. *Exact* is the "
         "collocation of `tests/adversarial/sliding.py`. "
-        f"Systems left out, {left_out}: not certified, without a reference, or not done within "
-        f"{PATIENCE:g} s.",
+        f"{left_out} {'system was' if left_out == 1 else 'systems were'} omitted: not certified, "
+        f"without a reference, or not finished within {PATIENCE:g} s.",
         "",
         "| family | systems | ε = 4e-3 | 2e-3 | 1e-3 | limit: median | worst | exact: worst |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",

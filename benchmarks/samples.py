@@ -75,7 +75,7 @@ def main() -> None:
         print(*shaken(int(given[0]), given[1], int(given[2])))
         return
     lines = [
-        "# Drives that are measured",
+        "# Measured drives",
         "",
         "| samples | in between | first motion, s | polynomials, ms | motion, ms | certificate, ms "
         "| a pass over the array, ms | memory, MiB | certified |",
@@ -102,7 +102,7 @@ def main() -> None:
                     f"{'yes' if ok else 'no'} |"
                 )
                 print(lines[-1], flush=True)
-    lines += ["", "Certified: whether all of the motions of a row are."]
+    lines += ["", "Certified: whether all motions of a row are certified."]
     RESULTS.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -66,10 +66,11 @@ def main() -> None:
     text = [
         "# Sensitivities",
         "",
-        "Time of derivatives with respect to k parameters at 201 times, in units of one motion "
-        "with its values at these times (`python benchmarks/sensitivities.py`); last, with the "
-        "search for boundaries that are touched without being crossed. The motion itself comes on "
-        f"top. The goal is 1 + k/2: 1.5, 2 and 3. The fastest of {ROUNDS} rounds in turn.",
+        "Time of derivatives with respect to k parameters at 201 times, in units of the time "
+        "of one motion with its values at these times (`python benchmarks/sensitivities.py`); in "
+        "the last column including the search for boundaries that are touched but not crossed. The "
+        "time of the motion is not included. The goal is 1 + k/2: 1.5, 2 and 3. Times are the "
+        f"minimum of {ROUNDS} interleaved rounds.",
         "",
         "| system | switches | motion, ms | k = 1 | k = 2 | k = 4 | k = 4, touching |",
         "|---|---|---|---|---|---|---|",

@@ -279,7 +279,7 @@ def main() -> None:
     """Run everything, print it and keep it."""
     from motion import machine  # here, so that a new process does not import all rivals
 
-    lines = ["# How soon a new declaration moves", "", machine(), ""]
+    lines = ["# Time from a new declaration to its first motion", "", machine(), ""]
     before = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     lines += [*compilers(before), "", *fresh_installations(), "", *starts(), "", *speeds(), ""]
     print("\n".join(lines))

@@ -161,7 +161,7 @@ def diffrax_vmap(given: dict[str, Array]) -> tuple[Callable[[], float], float]:
 def cycles_table(count: int, rounds: int) -> list[str]:
     """Table of cycles per second and core."""
     given = points(count)
-    note = "diffrax is absent: it is not installed here, so that its vmap was not measured."
+    note = "diffrax is not installed here, so its vmap was not measured."
     # Not forked: a fork of a process with threads may hang.
     with ProcessPoolExecutor(CORES, get_context("spawn")) as pool:
         runs = {

@@ -64,7 +64,7 @@ def siconos_table() -> list[str]:
     try:
         found = [by_siconos(seed) for seed in range(SICONOS_SEEDS)]
     except OSError as error:
-        return [f"Siconos is absent: {error}.", ""]
+        return [f"Siconos was not measured: {error}.", ""]
     return [
         f"Siconos (Moreau-Jean, θ = ½) on the first {SICONOS_SEEDS}:",
         "",
@@ -94,10 +94,10 @@ def main(count: int) -> None:
         "",
         f"{count} random systems with contacts and impacts (`python benchmarks/time_stepping.py`): "
         f"{len(certified)} motions are certified"
-        + (f"; seeds {', '.join(others)} end before their time or are not." if others else "."),
-        "Distance of Moreau's and Jean's scheme, order one, from the exact motion at the end, in "
-        "units of the largest coordinate; with most steps it is nearer than with fewest in "
-        f"{closer} of them.",
+        + (f"; seeds {', '.join(others)} end early or are not certified." if others else "."),
+        "Difference between the Moreau-Jean scheme, of first order, and the exact motion at the "
+        f"end, in units of the largest coordinate; in {closer} systems it is smaller with the most "
+        "steps than with the fewest.",
         "",
         "| steps | median | 95 % | largest |",
         "|---|---|---|---|",

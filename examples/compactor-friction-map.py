@@ -1,9 +1,9 @@
 """Effective friction of a vibrating plate, over the force and the frequency of the imbalance.
 
-The result is the mean force of the pull; that of the resting plate is μmg. A plate that slides
-without stopping has the mean friction μmg: vibration helps only if the plate stops, that is, if the
-forced oscillation of its velocity alone, of amplitude μFΩ/(m|Ω² − k/m|), exceeds the speed of the
-pull. Then the friction decreases towards μ(mg − F), its minimum in a period.
+The map shows the mean pulling force; without vibration it is μmg. A plate that slides without
+stopping also has the mean friction μmg: vibration helps only if the plate stops, that is, if the
+amplitude of its forced velocity oscillation, μFΩ/(m|Ω² − k/m|), exceeds the speed of the pull. The
+friction then decreases towards μ(mg − F), its minimum in a period.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), figure 1.1(A) and theorem 2.2.
@@ -26,12 +26,12 @@ def friction(forces=50, speeds=40, out=None):
 
 
 def stopping_force(Omega):
-    """Force of the imbalance from which on the plate cannot slide without stopping."""
+    """Force of the imbalance above which the plate cannot slide without stopping."""
     return p["V"] * p["m"] * np.abs(Omega**2 - p["k"] / p["m"]) / (p["mu"] * Omega)
 
 
 def plot_stopping(axes):
-    """The boundary between sliding on and stopping."""
+    """The boundary between sliding without stops and with stops."""
 
     Omega = np.geomspace(10.0, 300.0, 400)
     force = stopping_force(Omega)
@@ -42,7 +42,7 @@ def plot_stopping(axes):
         color=ss.style.VERMILION,
         ls=(0, (4, 2)),
         lw=1.8,
-        label="from here on the plate stops again and again",
+        label="above this line the plate stops repeatedly",
     )
 
 

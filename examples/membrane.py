@@ -1,10 +1,10 @@
 """A membrane on a bed with travelling friction: a wave of thresholds compared with its average.
 
-A membrane over the unit disc is clamped at its edge and rests on springs. A uniform load grows, and
-dry friction with the threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁) resists: a wave that crosses the
-membrane once in every period ε. Each point slips when the trough passes, so the resolved motion is
-a front of slip that moves with the wave, and every passage leaves less for the next. On average
-every point has the threshold 0.1.
+A membrane over the unit disc is clamped at its edge and rests on springs. Dry friction with the
+threshold ρ(s, x) = 1 + 0.9 cos 2π(s − x₁), a wave that crosses the membrane once in every period ε,
+resists a growing uniform load. Each point slips when the trough passes, so the resolved motion is a
+slip front that moves with the wave, and every passage leaves less slip for the next. In the average
+the threshold of every point is 0.1.
 
 All quantities are dimensionless: lengths relative to the radius, forces to the mean threshold.
 Linear finite elements on a triangulated disc; loads, thresholds and springs are lumped at the
@@ -51,13 +51,13 @@ class Membrane:
         return round(1.0 / self.problem.epsilon)
 
     def resolved(self):
-        """The evolution, every phase of it."""
+        """The evolution with all phases resolved."""
         return ss.evolve(
             self.problem, steps=PER_PERIOD * self.periods, tolerance=TOLERANCE, kkt=KKT
         )
 
     def averaged(self):
-        """Its limit; while the load grows in proportion, long steps are exact at their ends."""
+        """Its limit; under proportional loading, long steps are exact at their ends."""
         return ss.evolve(self.problem.averaged(), steps=self.periods, tolerance=TOLERANCE, kkt=KKT)
 
     def distance(self, resolved, averaged):
@@ -67,7 +67,7 @@ class Membrane:
         return float(norms[0].max() / norms[1].max())
 
     def profile(self, z):
-        """Places x₁ on the diameter x₂ = 0, increasing, and the values there."""
+        """Coordinates x₁ on the diameter x₂ = 0, increasing, and the values there."""
         (line,) = np.nonzero(np.abs(self.mesh.p[1]) < 1e-12)
         line = line[np.argsort(self.mesh.p[0, line])]
         return self.mesh.p[0, line], self.on_mesh(z)[line]
@@ -80,7 +80,7 @@ class Membrane:
 
 
 def membrane(refinements, periods):
-    """The problem on a disc whose triangles are quartered so many times (8: 1.3e5 unknowns)."""
+    """The problem on a disc whose triangles are quartered repeatedly (8 times: 1.3e5 unknowns)."""
     mesh = MeshTri.init_circle(refinements)
     basis = Basis(mesh, ElementTriP1())
     inner = mesh.interior_nodes()
@@ -98,7 +98,7 @@ def membrane(refinements, periods):
 
 
 def distance(refinements, periods):
-    """How far the resolved motion is from the averaged one."""
+    """The distance between the resolved and the averaged motion."""
     disc = membrane(refinements, periods)
     resolved, averaged = disc.resolved(), disc.averaged()
     assert resolved.certificate.ok and averaged.certificate.ok, resolved.certificate.verdict

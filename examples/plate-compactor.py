@@ -22,8 +22,8 @@ MU = 0.6
 STIFFNESS = 5000.0  # [N/m]
 OMEGA = 60.0  # [rad/s]
 PERIOD = 2 * np.pi / OMEGA
-PERIODS = 400  # of the shaking that are computed
-LAST = 17  # over which forces are averaged: two of the spring
+PERIODS = 400  # of vibration in each motion
+LAST = 17  # periods over which forces are averaged: two periods of the spring
 SPEEDS = (0.1, 0.02, 0.004, 0.001)  # [m/s]
 
 
@@ -38,12 +38,12 @@ def averaged_law(amplitude):
 
 
 def instants(periods, each):
-    """Times in the last periods [s], so many in each."""
+    """Times in the last periods [s], with the given number in each."""
     return np.linspace(PERIODS - periods, PERIODS, each * periods + 1) * PERIOD
 
 
 def start(amplitude):
-    """Position at which the spring pulls with the averaged law [m]."""
+    """Position at which the spring force equals the averaged law [m]."""
     return -averaged_law(amplitude) / STIFFNESS
 
 
@@ -78,7 +78,7 @@ exact = {F: float(without_inertia(F, SPEEDS[-1]).mean()) for F in (300.0, 900.0)
 
 
 def plot_forces(axes):
-    """Mean force over the amplitude of the shaking."""
+    """Mean force over the amplitude of the vibration."""
 
     amplitudes = np.append(np.linspace(0.0, 975.0, 14), [1020.0, 1065.0, 1110.0])
     for speed, colour in zip(SPEEDS, ss.style.line_colours(len(SPEEDS)), strict=True):
@@ -107,7 +107,7 @@ def plot_forces(axes):
 
 
 def plot_steps(axes, amplitude=600.0, speed=0.02, periods=3, each=300):
-    """Pulling force below the friction that the ground could give."""
+    """Pulling force, and the largest friction that the ground could provide."""
 
     t = instants(periods, each)
     friction = MU * np.maximum(WEIGHT + amplitude * np.cos(OMEGA * t), 0.0)

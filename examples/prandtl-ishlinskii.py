@@ -18,8 +18,8 @@ import stickslip as ss
 RADII = np.linspace(0.05, 2.0, 40)
 WEIGHTS = np.full(40, 1 / 40)
 
-# One large swing, and on the way up again two small ones, each of which closes a loop and is
-# forgotten.
+# One large swing, and while the load increases again two small ones, each of which closes a loop
+# and has no further effect.
 TURNS = np.array([0.0, 3.0, -3.0, 1.0, -1.5, 2.0, 0.5, 3.0])
 load = np.interp(np.linspace(0, 7, 2801), np.arange(8), TURNS)
 
@@ -29,7 +29,7 @@ positions = {
     f"$r = {r:g}$": ss.prandtl_ishlinskii(load, [r], [1.0]) for r in RADII[[9, 19, 39]].tolist()
 }
 
-# The first way up in closed form: Σ w_i max(ℓ − r_i, 0).
+# The first increase in closed form: Σ w_i max(ℓ − r_i, 0).
 first_way = np.maximum(load[:400, None] - RADII, 0.0) @ WEIGHTS
 error = float(np.max(np.abs(output[:400] - first_way)))
 

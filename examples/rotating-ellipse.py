@@ -1,8 +1,8 @@
 """Rotating anisotropic friction: the intersection of an ellipse with all its rotations is a disc.
 
 The stable set K(s) is an ellipse with the semi-axes 2 and 1/2 that makes half a turn in one period.
-No force outside the disc of radius 1/2 is held at every phase, so Ψ_av(V) = |V|/2: a motion in any
-direction V takes place at the phase at which the short axis points along V.
+Friction cannot balance a force outside the disc of radius 1/2 at every phase, so Ψ_av(V) = |V|/2: a
+motion in the direction V takes place at the phase at which the short axis points along V.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), (2.3) and (2.4).

@@ -1,9 +1,9 @@
 """Fraction of the time in which a spring slider sticks, over the rate of its load and its
 viscosity.
 
-Steady sliding loses stability on the curve where the trace of its Jacobian vanishes. Stick-slip
-persists a little beyond that curve, together with stable steady sliding: there the initial state
-decides.
+Steady sliding loses stability on the curve along which the trace of its Jacobian vanishes. Slightly
+beyond this curve stick-slip and stable steady sliding coexist, and the initial state decides which
+one occurs.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), (3.3).
@@ -55,7 +55,7 @@ def plot_hopf(axes, data):
         color=ss.style.VERMILION,
         ls=(0, (4, 2)),
         lw=1.8,
-        label="steady sliding loses its stability",
+        label="steady sliding loses stability",
     )
 
 

@@ -21,7 +21,7 @@ average = model.potential.average()
 resolved = ss.evolve(model.problem, steps=2000)
 averaged = ss.evolve(model.problem.averaged(), steps=500)
 
-# Where in a period each component has moved, weighted by how far.
+# The phases at which each component has moved, weighted by its displacement.
 phases = (resolved.times[1:] / model.problem.epsilon) % 1.0
 moved = np.abs(np.diff(resolved.z, axis=0))
 near_0 = np.minimum(phases, 1.0 - phases) < 0.25

@@ -1,9 +1,10 @@
 """Walking speed of a toy animal, over the pull on its legs and the damping of its rocking.
 
-The pull feeds energy into the rocking; if that is less than the damping dissipates, the toy comes
-to rest. Rest and walking coexist, so the map depends on the initial state: here ψ = 0.8, with the
-legs where friction holds them. That position depends on the pull, so P and x_R vary together. Below
-P = ρ + cψ* the pull does not move an unloaded leg; from P = H*/2 on a fully loaded leg slips.
+The pull feeds energy into the rocking; if this is less than the damping dissipates, the toy comes
+to rest. Rest and walking coexist, so the map depends on the initial state, here ψ = 0.8 with the
+legs in a position in which friction holds them. This position depends on the pull, so P and x_R
+vary together. Below P = ρ + cψ* the pull does not move an unloaded leg; above P = H*/2 a fully
+loaded leg slips.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
 preprint 2405 (2017), (4.2).

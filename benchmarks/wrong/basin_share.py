@@ -227,9 +227,10 @@ def report() -> str:
     rows.append(
         ["**stickslip, area inside the unstable cycle**", f"{share:.10f}", f"{seconds:.2g}"]
     )
-    head = ["method", "share of steady sliding", "seconds"]
+    head = ["method", "fraction of steady sliding", "seconds"]
     period = f"The cycle: period {cycle.period:.10f}, multiplier {cycle.nontrivial[0].real:.6f}."
-    jump = f"Above V = {fold:.9f}, where the cycles end in a fold, everything slides steadily."
+    jump = f"Above V = {fold:.9f}, where the cycles end in a fold, all motions converge to "
+    jump += "steady sliding."
     return table(head, rows) + f"\n\n{period} {jump} {versions('pybasin')}\n"
 
 

@@ -72,14 +72,14 @@ def report() -> str:
     else:
         packages.append("mujoco")
         for name, step, more in (
-            ("MuJoCo, frictionloss, as it comes", 0.002, ""),
+            ("MuJoCo, frictionloss, default settings", 0.002, ""),
             (
                 "MuJoCo, stiffer friction",
                 0.002,
                 'solreffriction="0.004 1" solimpfriction="0.9999 0.9999 0.001"',
             ),
             (
-                "MuJoCo, as stiff as it takes, short steps",
+                "MuJoCo, maximum stiffness, short steps",
                 0.0002,
                 'solreffriction="0.0004 1" solimpfriction="0.9999 0.9999 0.001"',
             ),
@@ -95,7 +95,7 @@ def report() -> str:
     motion, seconds = timed(lambda: ss.simulate(block, (0.0, END)))
     assert motion.certificate.ok
     rows.append(["**stickslip**", f"{motion.final['x']:g}", "0", f"{seconds:.2g}"])
-    head = ["friction", "way in 100", "speed of the creep", "seconds"]
+    head = ["friction", "displacement in 100", "creep speed", "seconds"]
     return table(head, rows) + f"\n\n{versions(*packages)}\n"
 
 

@@ -29,7 +29,7 @@ PAGES = (
     OfflinePage(
         "belt_block",
         {"V": "0.1:1.3:13", "F_k": "0.3:0.9:7"},
-        "From rest, a block ends in stick-slip on a slow belt, and slips for ever on a fast one.",
+        "From rest, a block ends in stick-slip on a slow belt, and never sticks on a fast one.",
     ),
     OfflinePage(
         "rocking_toy",
@@ -54,7 +54,7 @@ PAGES = (
     OfflinePage(
         "planar_jenkins",
         {"P": "0.2:2:7", "Q": "0:1.2:4"},
-        "Forces along two directions drive a damper round a loop in the plane.",
+        "Forces along two directions drive a damper along a closed path in the plane.",
     ),
 )
 

@@ -30,7 +30,7 @@ GROUPS: Mapping[str, str] = {
     "Rate-independent evolutions": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",
-    "Files, errors, pictures": "open export StickslipError DeclarationError ConvergenceError "
+    "Files, errors, figures": "open export StickslipError DeclarationError ConvergenceError "
     "figures style explore",
 }
 """What belongs together; a name that is not listed here has a page as well."""

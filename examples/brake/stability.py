@@ -1,8 +1,8 @@
-"""A brake with a measured friction coefficient: where it is stable, and its limit cycles.
+"""A brake with a measured friction coefficient: its stability and its limit cycles.
 
-Steady sliding is stable if μ(v) decreases no faster than damping allows, N μ′(V) + c > 0. The map
-shows the long-term motions from rest, the cycle is the one at the declared parameters, and a law
-fitted to the points replaces the table.
+Steady sliding is stable if μ(v) decreases no faster than damping allows, N μ′(V) + c > 0. The
+script computes a map of the long-term motions from rest and the cycle at the declared parameters,
+and replaces the table by a law fitted to its points.
 """
 
 from pathlib import Path

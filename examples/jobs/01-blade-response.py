@@ -1,7 +1,7 @@
-"""A finite-element beam of 200 unknowns with Jenkins contacts at three nodes: the response of its
-tip to a force of three levels, stable or not, and the largest amplitude of each.
+"""A finite-element beam with 200 unknowns and Jenkins contacts at three nodes: the response of its
+tip to a force at three levels, with stability and the largest amplitude at each level.
 
-Prints frequency and amplitude of each resonance, and draws the curves.
+Prints the frequency and amplitude of each resonance, and plots the curves.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def matrices(elements):
 
 
 def blade(elements=100, modes=4):
-    """The beam with its contacts, reduced to these and to some modes between them."""
+    """The beam with its contacts, reduced to contacts, tip and a few fixed-interface modes."""
     M, K = matrices(elements)
     at = {f"rub{i}": 2 * (elements * part // 10 - 1) for i, part in enumerate((3, 4, 5), 1)}
     beam = ss.Structure(M, K, ss.ModalDamping(0.005), names={**at, "tip": len(M) - 2}, unit="m")

@@ -1,7 +1,7 @@
-"""A drill string of 2 inertias and one of 20: where it sticks, over rotary speed and weight on the
-bit, and the friction of the bit from a noisy record of the speed of the table and the bit.
+"""Drill strings of 2 and of 20 inertias: maps of stick over rotary speed and weight on the bit, and
+the friction of the bit identified from a noisy record of the speeds of table and bit.
 
-Prints the share of each map in which the bit sticks, and the fitted torques beside the truth.
+Prints the fraction of each map in which the bit sticks, and the fitted and true torques.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ TRUTH = {"mu_s": 0.048, "mu_k": 0.032}  # torque at the bit, per weight on it, i
 
 
 def drill_string(collars=1):
-    """A table, driven by a motor, a pipe in so many parts, and a bit that rubs.
+    """A table driven by a motor, a pipe divided into parts, and a bit with friction.
 
     Angles are those in the frame that turns evenly with the table.
     """
@@ -50,13 +50,13 @@ def drill_string(collars=1):
 
 
 def sticking(string, speeds=9, weights=5):
-    """The share of the time in which the bit sticks."""
+    """The fraction of the time in which the bit sticks."""
     over = {"Omega": np.linspace(40, 160, speeds) * RPM, "W": np.linspace(4e4, 2e5, weights)}
     return ss.sweep(string, over, ["stick_fraction", "high:bit_speed"])
 
 
 def record(string, seed=1):
-    """The speed of table and bit over 30 s, at 20 Hz, with noise."""
+    """The speeds of table and bit over 30 s, sampled at 20 Hz, with noise."""
     t = np.linspace(0.0, 30.0, 601)
     motion = ss.simulate(string, (0.0, 30.0)).at(t)
     noise = 0.3 * np.random.default_rng(seed).standard_normal((2, len(t)))
@@ -65,7 +65,7 @@ def record(string, seed=1):
 
 
 def calibrated(string, data, starts=4):
-    """The two torques of the bit that explain the record."""
+    """The two torques of the bit, fitted to the record."""
     observe = {"table": "Omega + d_a0", "bit": "bit_speed"}
     return ss.fit(string, data, {"mu_s": (0.01, 0.1), "mu_k": (0.01, 0.1)}, observe, starts=starts)
 

@@ -1,8 +1,8 @@
-"""Rate-and-state friction: velocity steps and holds of a sample in the laboratory, the law fitted
-to a step, and the events of two coupled faults and of a chain of 50 blocks with their recurrence.
+"""Rate-and-state friction: velocity steps and holds of a laboratory sample, a law fitted to a step,
+and the events of two coupled faults and of a chain of 50 blocks with their recurrence times.
 
-Prints the step of friction beside (a − b) ln(V₂/V₁), the healing in holds, the fitted law, and how
-many events there are and how far apart.
+Prints the friction step compared with (a − b) ln(V₂/V₁), the healing in holds, the fitted law, and
+the number of events and the times between them.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ YEAR = 3.156e7  # s
 
 
 def sample(history):
-    """A sample that is pushed by a stiff spring, whose end moves at given speeds."""
+    """A sample pushed by a stiff spring, whose end moves at given speeds."""
     times, speeds = np.array(history).T
     t = np.concatenate([[0.0], np.cumsum(times)])
     pushed = ss.Samples(t, np.concatenate([[0.0], np.cumsum(times * speeds)]), unit="um")
@@ -44,7 +44,7 @@ def sample(history):
 
 
 def fitted(starts=4, seed=1):
-    """The law from a record of one step, at 10 Hz, with noise of 0.0005.
+    """The law fitted to a record of one step, at 10 Hz, with a noise of 0.0005.
 
     `velocity_step` is the same sample with friction as a part of the state; that has derivatives.
     """
@@ -57,7 +57,7 @@ def fitted(starts=4, seed=1):
 
 
 def chained(blocks=50, until=400.0):
-    """The events of a chain on a slow belt, Burridge and Knopoff's."""
+    """The events of a chain on a slow belt (Burridge and Knopoff)."""
     chain = ss.catalogue.block_chain(N=blocks, V=0.01)
     return ss.simulate(chain, (0.0, until)).event_catalogue()
 
@@ -82,8 +82,8 @@ if __name__ == "__main__":
     for name, (low, high) in fit.interval.items():
         print(f"{name} = {fit.estimate[name]:.5g} (95 %: {low:.5g} to {high:.5g})")
 
-    # Two faults of one size that load each other: they never stick, so an event is what is faster
-    # than 1 mm/s.
+    # Two faults of the same size that load each other: they never stick, so an event is an
+    # interval in which a slip rate exceeds 1 mm/s.
     pair = ss.simulate(ss.catalogue.two_block_rate_and_state())
     quakes = pair.event_catalogue(faster_than=1e-3)
     waits = quakes.table["interevent"].dropna() / YEAR

@@ -1,8 +1,8 @@
-"""A crawler of two legs whose spring is lengthened by two harmonics: the gait that is fastest for a
-given effort, and the one with the least cost of transport at a given speed, by SLSQP with exact
+"""A two-legged crawler whose spring is lengthened by two harmonics: the fastest gait for a given
+effort, and the gait with the minimum cost of transport at a given speed, found by SLSQP with exact
 derivatives of the cycle.
 
-Prints speed and cost of transport of the gait at the start, the fastest and the cheapest.
+Prints speed and cost of transport of the initial, the fastest and the most economical gait.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ def gait(values):
 
 
 def fastest(iterations=20):
-    """The fastest gait with A² + 4B² as at the start, which is the effort of the actuator."""
+    """The fastest gait with the initial effort A² + 4B² of the actuator."""
     start = np.array([crawler.values[name] for name in NAMES])
     effort = start[0] ** 2 + 4 * start[1] ** 2
 
@@ -69,8 +69,8 @@ def fastest(iterations=20):
 
 
 def cheapest(least_speed, iterations=20):
-    """The gait with the least cost of transport that is at least so fast."""
-    known = {}  # of the last gait: SLSQP asks for the same one several times
+    """The gait with the minimum cost of transport among those that are at least this fast."""
+    known = {}  # of the last gait: SLSQP evaluates the same gait several times
 
     def at(values):
         if known.get("values") != tuple(values):

@@ -1,15 +1,16 @@
-"""A lecture with the explorer: links that show its steps, a page of these links for the audience,
-and a notebook of the same motions.
+"""A lecture with the explorer: links to its steps, a page of these links for the audience, and a
+notebook of the same motions.
 
-Each step is computed before the lecture, and its certificate looked at. Then the explorer opens at
-the first step, until Ctrl-C, and `lecture.html` has the links to all of them, for a big screen as
-for a phone; the page takes the look of the device, dark or light, and goes by keyboard.
+The script computes each step before the lecture and checks its certificate. It then opens the
+explorer at the first step, until Ctrl-C, and writes `lecture.html` with the links to all steps. The
+page suits large screens and phones, follows the dark or light mode of the device, and can be
+operated by keyboard.
 
-For phones in the same network start it as
+For phones in the same network start the explorer with
 
     stickslip explore --host 0.0.0.0 --allow lab.example
 
-and run this script with the address that this prints, once more with the name of the machine:
+and run this script again with the URL that is printed, with the name of the machine in it:
 
     python 06-lecture.py http://lab.example:5106/TOKEN/
 """
@@ -25,7 +26,7 @@ import stickslip as ss
 
 @dataclass(frozen=True)
 class Step:
-    """What is said, and what is shown meanwhile."""
+    """A title, and the motion and panel that are shown with it."""
 
     title: str
     system: str  # a name of the catalogue
@@ -35,7 +36,7 @@ class Step:
 
     @property
     def state(self):
-        """What stands behind the # of an address."""
+        """The part of the URL after the #."""
         values = "".join(f"{name}={value:g}&" for name, value in self.parameters.items())
         panel = f"&.panel={self.panel}" if self.panel else ""
         return f"{self.system}?{values}until={self.until:g}{panel}"
@@ -56,7 +57,7 @@ STEPS = [
 
 
 def links(address):
-    """The address of each step."""
+    """The URL of each step."""
     page = address.partition("#")[0]
     return {step.title: f"{page}#{step.state}" for step in STEPS}
 
@@ -105,7 +106,7 @@ def notebook():
 
 
 def prepared(address):
-    """The page of links and the notebook are written; every step is certified."""
+    """Write the page of links and the notebook, and print the certificate of every step."""
     Path("lecture.html").write_text(handout(address), encoding="utf-8")
     Path("lecture.ipynb").write_text(json.dumps(notebook(), indent=1), encoding="utf-8")
     for step in STEPS:
@@ -120,5 +121,5 @@ if __name__ == "__main__":
         page = ss.explore(STEPS[0].state)
         prepared(page.address)
         print("\n".join(links(page.address).values()))
-        print("Ctrl-C ends it.")
+        print("Press Ctrl-C to stop the explorer.")
         page.wait()

@@ -1,8 +1,9 @@
-"""A friction coefficient μ(α) of one's own in the slider of Mielke 2017, section 3: where steady
-sliding ends, how, cycles down to the viscosity 0.001, and averages of friction that oscillates.
+"""A user-defined friction coefficient μ(α) in the slider of Mielke 2017, section 3: the loss of
+stability of steady sliding, cycles down to the viscosity 0.001, and averages of oscillating
+friction.
 
-Prints the Hopf point beside its closed form, the periods, and how fast the resolved motions tend to
-the averaged one.
+Prints the Hopf point and its closed form, the periods, and the rate at which the resolved motions
+converge to the averaged one.
 """
 
 import numpy as np
@@ -13,13 +14,13 @@ slider = ss.catalogue.spring_slider(mu="0.4 + 1.2/alpha", nu=0.05)
 
 
 def hopf():
-    """Where steady sliding loses its stability, over the rate of the load."""
+    """The rate of the load at which steady sliding loses stability."""
     steady = ss.continue_equilibrium(slider, "V", (0.02, 1.0))
     return steady.of_kind("Hopf")[0]
 
 
 def periods(viscosities=(0.05, 0.01, 0.002, 0.001), V=0.1):
-    """The period of stick-slip, and the time in stick, for smaller and smaller viscosity."""
+    """The period of stick-slip, and the time in stick, for decreasing viscosity."""
     found = {}
     for nu in viscosities:
         cycle = ss.find_cycle(slider, parameters={"nu": nu, "V": V})
@@ -28,7 +29,7 @@ def periods(viscosities=(0.05, 0.01, 0.002, 0.001), V=0.1):
 
 
 def averaging(epsilons=(0.2, 0.1, 0.05), tolerance=1e-3):
-    """How far motions in R³ under friction that oscillates are from the averaged one (Theorem 2.2).
+    """The distance of motions in R³ under oscillating friction from the averaged one (Theorem 2.2).
 
     Each component has its own phase at which it rubs least.
     """

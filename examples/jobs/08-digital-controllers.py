@@ -1,8 +1,8 @@
 """A carriage with stiction under PD and PID controllers that sample at 1 kHz, with delay,
 quantisation and noise of the measured position.
 
-Prints how far it stays from its goal, or hunts about it, and how long it rests. Writes the PID loop
-as an FMU, for Simulink and Modelica, if pythonfmu is installed.
+Prints the remaining error or the amplitude of hunting, and the fraction of time at rest. Writes the
+PID loop as an FMU, for Simulink and Modelica, if pythonfmu is installed.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ PARAMETERS = {
 
 
 def carriage(k_i=60.0, delay=0, quantum=0.0, seed=None, until=40.0):
-    """The loop. The delay is in periods; with a seed the position is measured with noise."""
+    """The closed loop. The delay is in periods; with a seed the measured position has noise."""
     seen = "x" if seed is None else "(x + sigma*w)"
     internal = {
         "I": ss.Sampled("T", f"I + T*(goal - {seen})", unit="m*s"),
@@ -48,7 +48,7 @@ def carriage(k_i=60.0, delay=0, quantum=0.0, seed=None, until=40.0):
 
 
 def hunting(motion):
-    """How far it stays from its goal at the end, how far it swings, and how long it rests."""
+    """The final error, the amplitude of hunting, and the fraction of time at rest."""
     end = motion.t_span[1]
     late = motion.at(np.linspace(end / 2, end, 10_001))
     return abs(1.0 - motion.final["x"]), np.ptp(late["x"]), np.mean(late["d_x"] == 0.0)

@@ -1,7 +1,7 @@
-"""How far a block slides under 100 records, over friction and scale of the records, and how a floor
-on sliding bearings moves under two components at once.
+"""The slip of a block under 100 records, over the friction and the scale of the records, and the
+motion of a floor on sliding bearings under two components of a record.
 
-Prints the scale at which half of the records exceed 10 cm, and how far the floor goes.
+Prints the scale at which half of the records exceed 10 cm, and the displacement of the floor.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import stickslip as ss
 
 
 def record(seed):
-    """A record made of noise under an envelope, of 10 s, largest acceleration 1 m/s²."""
+    """A record of 10 s of noise with an envelope, with a peak acceleration of 1 m/s²."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 10.0, 0.02)
     noise = np.convolve(rng.standard_normal(len(t)), np.hanning(rng.integers(8, 32)), "same")
@@ -19,7 +19,7 @@ def record(seed):
 
 
 def slips(records=100, scales=11):
-    """The largest slip either way. A scale is the largest acceleration, in m/s²."""
+    """The largest slip in either direction. A scale is the peak acceleration, in m/s²."""
     over = {
         "record": ss.Records({f"record {i:02}": record(i) for i in range(records)}),
         "scale": np.linspace(1.0, 6.0, scales),
@@ -29,7 +29,7 @@ def slips(records=100, scales=11):
 
 
 def floor():
-    """A floor on bearings, under two records at once, of 1 m/s²."""
+    """A floor on bearings under two simultaneous records with peaks of 1 m/s²."""
     bearing = ss.catalogue.isolated_floor()
     return ss.simulate(bearing.configure({"a_x": record(1), "a_y": record(2)}))
 

@@ -1,7 +1,7 @@
-"""A bowed string: its sound as a WAV file, and where it sounds over the force and the speed of the
-bow (after Schelleng).
+"""A bowed string: its sound as a WAV file, and the bow forces and speeds at which it sounds
+(after Schelleng).
 
-Prints the pitch under some forces, and the share of the map that sounds.
+Prints the pitch for several bow forces, and the fraction of the map in which the string sounds.
 """
 
 import numpy as np
@@ -12,12 +12,12 @@ string = ss.catalogue.bowed_string()
 
 
 def pitches(forces=(0.01, 0.05, 0.2)):
-    """The frequency of the sound, in Hz: too much force makes it flat."""
+    """The frequency of the sound, in Hz: too large a force flattens it."""
     return {F: 1.0 / ss.find_cycle(string, parameters={"F": F}).period for F in forces}
 
 
 def schelleng(forces=24, speeds=16):
-    """The share of the time in which the string sticks to the bow: 0 where it does not sound."""
+    """The fraction of the time in which the string sticks to the bow: 0 if it does not sound."""
     over = {"F": f"log:0.002:2:{forces}", "V": f"log:0.02:0.5:{speeds}"}
     return ss.sweep(string, over, ["stick_fraction", "pitch = 1/period"])
 

@@ -1,8 +1,8 @@
-"""A tip that is pulled over a lattice, in one direction and in the plane: mean friction over the
-speed and the direction of the pull.
+"""A tip pulled over a lattice, along a line and in the plane: its mean friction over the speed and
+the direction of the pull.
 
-Prints the friction of slow and fast pulls, and draws both. Directions are those of lattice
-vectors: in others nothing repeats, and the mean is that of a long time.
+Prints the friction of slow and fast pulls, and plots both. All directions are those of lattice
+vectors, because in other directions motions are not periodic and means converge slowly.
 """
 
 import stickslip as ss
@@ -27,13 +27,13 @@ plane = ss.System(
 
 
 def along_the_line():
-    """Cycles over the speed, of the tip of the catalogue: their energy per distance is F(V)."""
+    """Cycles of the catalogue's tip over the speed: their energy per distance is F(V)."""
     slow = ss.find_cycle(line, parameters={"V": 0.01})
     return ss.continue_cycle(slow, "V", (0.01, 10.0))
 
 
 def over_the_plane(speeds=12, slopes=(0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1)):
-    """The mean pull along its direction, over speed and direction."""
+    """The mean force in the direction of the pull, over speed and direction."""
     over = {"V": f"log:0.01:2:{speeds}", "q": list(slopes)}
     return ss.sweep(plane, over, ["mean:pull"])
 

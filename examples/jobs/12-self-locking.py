@@ -1,5 +1,5 @@
-"""Self-locking of a capstan, a wedge, a lever shoe and a screw jack: from which friction on nothing
-moves, or how much a turn of rope holds, beside the closed forms.
+"""Self-locking of a capstan, a wedge, a lever shoe and a screw jack: the coefficient of friction
+above which nothing moves, or the force that a turn of rope holds.
 
 Prints each limit and its closed form.
 """
@@ -10,7 +10,7 @@ import stickslip as ss
 
 
 def wedge():
-    """A block on a slope of angle a; it stays where μ > tan a."""
+    """A block on a slope of angle a; it rests if μ > tan a."""
     return ss.System(
         "wedge",
         parameters={"a": ss.Parameter(0.3, "rad", "slope"), "mu": ss.Parameter(0.3)},
@@ -23,7 +23,7 @@ def wedge():
 
 
 def capstan(parts=12, turn=math.pi):
-    """A rope on a drum in so many parts, pulled with 1 and with F; it holds to F = exp(μ·turn).
+    """A rope on a drum, in parts, pulled with 1 and with F; it holds up to F = exp(μ·turn).
 
     Of a part between tensions S and S', the drum takes the normal force (S + S')·tan(turn/2n).
     """
@@ -69,7 +69,7 @@ def lever_shoe():
 
 
 def screw_jack():
-    """A load on a thread of slope tan a = lead/(2π r); it stays where μ > tan a."""
+    """A load on a thread of slope tan a = lead/(2π r); it rests if μ > tan a."""
     return ss.System(
         "screw jack",
         parameters={
@@ -92,7 +92,7 @@ def screw_jack():
 
 
 def limit(system, name, low, high, tolerance=1e-9):
-    """The value of a parameter on one side of which the system rests in the end, by bisection."""
+    """The value of a parameter on one side of which the system comes to rest, by bisection."""
 
     def moves(value):
         final = ss.simulate(system, parameters={name: value}).final
@@ -108,7 +108,7 @@ def limit(system, name, low, high, tolerance=1e-9):
 
 
 def closed_forms():
-    """Of each limit, at the declared numbers; of the capstan in 12 parts, exp(0.2π) in many."""
+    """The limits at the declared numbers; the capstan has 12 parts (in the limit, exp(0.2π))."""
     slope = 5e-3 / (2 * math.pi * 0.01)
     half = 0.2 * math.tan(math.pi / 24)
     rope = ((1 + half) / (1 - half)) ** 12

@@ -1,7 +1,6 @@
-"""A motion and a map are stored, opened again by another process, and reproduced from what is in
-their files alone.
+"""A motion and a map are stored, opened by another process, and reproduced from their files alone.
 
-Prints the version that computed them, and whether both are the same to the last bit.
+Prints the version that computed them, and whether both are bitwise identical.
 """
 
 import subprocess

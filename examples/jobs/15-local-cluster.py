@@ -1,7 +1,7 @@
-"""A map on a local Dask cluster, one of whose workers is killed: the others do its part again, and
-the numbers are the same to the last bit as those of threads.
+"""A map on a local Dask cluster, one of whose workers is killed: the others repeat its part, and
+the results are bitwise identical to those of threads.
 
-Prints how many workers were killed, and whether both maps are the same; takes some ten seconds.
+Prints the number of killed workers, and whether both maps are the same; takes about ten seconds.
 """
 
 import os

@@ -216,6 +216,6 @@ def heading(options: argparse.Namespace) -> str:
     command = f"python -m tests.adversarial --count {options.count} --seed {options.seed}"
     return (
         "# Truth\n\n"
-        "Random cases, judged by computations that share no code with the library: "
+        "Random cases, compared with reference programs that share no code with the library: "
         f"`{command}`.\n\n"
     )

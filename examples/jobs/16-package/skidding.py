@@ -1,6 +1,6 @@
-"""A package that adds to stickslip a friction law, a measure, a picture and a command.
+"""A package that adds a friction law, a measure, a figure and a command to stickslip.
 
-After `pip install .` here there are `stickslip law wet`, `stickslip skid`, the measure
+`pip install .` in this folder adds `stickslip law wet`, `stickslip skid`, the measure
 `longest_stick` of maps, and, once this module is imported, `motion.plot("speeds")`.
 """
 
@@ -61,7 +61,7 @@ def speeds(motion, ax=None):
         rates = motion.at(np.linspace(start, end, 4001))["d_x"]
         share = np.full(len(rates), 100.0 / len(rates))
         ax.hist(rates, bins=50, weights=share, log=True, color=ss.style.BLUE)
-        ax.set(xlabel="velocity of the block  [m/s]", ylabel="share of the time  [%]")
+        ax.set(xlabel="velocity of the block  [m/s]", ylabel="fraction of the time  [%]")
     return ax.figure
 
 
