@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -29,6 +28,7 @@ from stickslip.numerics.levels import ON_SURFACE
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.pieces import shown
 
 if TYPE_CHECKING:
     import pandas
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
-_SPEED = re.compile(r"speed:\d+")
 GRID = 1000  # points of the dataset between knots
 
 
@@ -124,8 +123,7 @@ class Trajectory(Result):
         found = list[str]()
         for guard in filter(is_bounded, equations.kinks):
             if said := beyond_an_end(ex.substitute(guard, equations.speeds), values):
-                name = _SPEED.sub("speed", ex.to_text(guard.args[0]))
-                found.append(f"{name} = {said}")
+                found.append(f"{shown(guard.args[0])} = {said}")
         return found
 
     def _jumps_at_the_end(self) -> list[str]:
