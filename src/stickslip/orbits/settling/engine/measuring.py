@@ -21,6 +21,7 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.observers import Sums, reset
 from stickslip.motion.audit.step_balance import audit_steps, judge
+from stickslip.motion.modes.guards import stands
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
@@ -77,6 +78,7 @@ from stickslip.orbits.settling.engine.tables import (
     PERIOD,
     PERIODIC,
     PHASE,
+    PROVING,
     SETTLING,
     SIZED,
     START,
@@ -216,9 +218,17 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         )
         for j in range(count):
             grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
+            extend(m, rules, i, real[START], bench.record.time[j], bench.record.state[j], bench)
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
     limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
+    for r in range(bench.ends.shape[1]):
+        bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
+    if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
+        # Nothing is known of the period of what is so small, and all of its parts are alike.
+        if m.drive[i] <= 0.0:
+            real[OPEN] = 0.0
+        return
     p = likely_part(e, m, rules, saved, bench, i, 2)
     while p > 0:
         off = 0.0
@@ -580,7 +590,12 @@ def measure_lane(
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
-        if awry and look_closer(m, rules, e.lanes, saved, bench, i):
+        if m.outcome[i] == PERIODIC and m.real[i, OPEN] == 0.0 and m.drive[i] <= 0.0:
+            # What is so small that its period is not known has died out, or will have.
+            m.outcome[i] = AT_REST if stands(e.flow.rows, saved.mode[i]) else STEADY
+            m.real[i, DURATION] = rules.real[2]
+            numbers[PHASE] = PROVING
+        elif awry and look_closer(m, rules, e.lanes, saved, bench, i):
             numbers[PHASE] = SETTLING
         elif deceives(m.outcome[i], m.felt[i], closure):
             forget(m, rules, e.lanes, saved, i)
