@@ -437,9 +437,18 @@ class _Curve:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
+        # Equations of one size: else what is rounded in large ones is added to small ones.
+        _, slopes = problem.residual(problem.start)
+        sizes = np.max(np.abs(slopes * problem.units(problem.start)), axis=1)
+        sizes[sizes == 0.0] = 1.0
+
+        def equations(x: Array) -> tuple[Array, Array]:
+            values, slopes = problem.residual(x)
+            return values / sizes, slopes / sizes[:, None]
+
         boundaries = {i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)}
         return CurveProblem(
-            problem.residual,
+            equations,
             problem.units,
             tests,
             {**problem.endings, **boundaries},
