@@ -465,7 +465,11 @@ class Trajectory(Result):
 
     @validated
     def event_catalogue(
-        self, *, faster_than: float | None = None, energy: bool = True
+        self,
+        *,
+        faster_than: float | None = None,
+        above: Mapping[str, float] | None = None,
+        energy: bool = True,
     ) -> EventCatalogue:
         """The slip events, each from the first slip after all contacts have stuck to the next time
         when all do: start, duration, size, energy.
@@ -475,6 +479,10 @@ class Trajectory(Result):
         faster_than : float, optional
             A rate: then an event lasts as long as some coordinate is faster, as for friction that
             depends on rate and state, which never sticks.
+        above : mapping of str to float, optional
+            Levels of outputs, or of any formula of what results show: then an event lasts as long
+            as one of these is above its level, and its size is the integral over it, such as the
+            seismic moment if the output is a moment rate.
         energy : bool
             Whether energies are measured, and the certificate: that takes a pass through the whole
             motion.
@@ -482,10 +490,16 @@ class Trajectory(Result):
         Raises
         ------
         DeclarationError
-            If no contact is dry and no rate is given.
+            If no contact is dry and neither a rate nor a level is given, or both are.
         """
-        from stickslip.motion.event_catalogue import catalogue_of, fast_events
+        from stickslip.motion.event_catalogue import catalogue_of, events_above, fast_events
 
+        if faster_than is not None and above is not None:
+            raise DeclarationError(
+                "above", "a rate is given, too", "Give faster_than or above, not both"
+            )
+        if above is not None:
+            return events_above(self, above)
         return catalogue_of(self, energy) if faster_than is None else fast_events(self, faster_than)
 
     @validated
