@@ -415,6 +415,6 @@ class _Search:
         return ConvergenceError(
             f"a cycle of {self.problem.system.name}",
             reached,
-            "Choose a start closer to a cycle, or start from a cycle at other parameters, which also "
-            "finds cycles that attract slowly",
+            "Choose a start closer to a cycle, or start from a cycle at other parameters, which "
+            "also finds cycles that attract slowly",
         )
