@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
+from stickslip.model.entries.polynomials import ends_of_tables
 from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
@@ -28,7 +28,6 @@ from stickslip.numerics.levels import ON_SURFACE
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.pieces import shown
 
 if TYPE_CHECKING:
     import pandas
@@ -74,6 +73,8 @@ class Trajectory(Result):
         self.rtol = rtol
         self.start = start
         self.wall_time: float = 0.0
+        if outcome is Outcome.UNDEFINED and len(knots.clock) == 1 and self._ends_of_tables():
+            self.outcome = Outcome.OUTSIDE_TABLE  # it has not begun
 
     def __repr__(self) -> str:
         return (
@@ -110,21 +111,12 @@ class Trajectory(Result):
             label = f"{label} ({said[0]})" if said else label
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
 
-    @property
-    def begins_outside_a_table(self) -> bool:
-        """Whether it did not begin, since a table has no value at its start."""
-        return len(self.knots.clock) == 1 and bool(self._ends_of_tables())
-
     def _ends_of_tables(self) -> list[str]:
         """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
         for."""
         equations = self._problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
-        found = list[str]()
-        for guard in filter(is_bounded, equations.kinks):
-            if said := beyond_an_end(ex.substitute(guard, equations.speeds), values):
-                found.append(f"{shown(guard.args[0])} = {said}")
-        return found
+        return ends_of_tables(equations.kinks, equations.speeds, values)
 
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""

@@ -19,6 +19,7 @@ from stickslip.equations.field import Guard, switched
 from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
+from stickslip.model.entries.polynomials import ends_of_tables
 from stickslip.model.system import System
 from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import NEARLY_SOLVED, RANK, ROUNDED_SUM
@@ -348,11 +349,14 @@ class _Follower:
             other = self._steady(mode, region, end.x[:-1])
         except ZeroDivisionError:
             return None
+        F, J = other.residual(self.parameter)(end.x)
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return None  # a table ends there
         tangent = tangent_beyond(
             other,
             guard,
             lambda x: self._point(other, x),
-            (end.x, *other.residual(self.parameter)(end.x)),
+            (end.x, F, J),
             self._scale(end.x, other.units(end.x, {self.parameter: self.span})),
             np.full(len(end.x), self.width),
             self.steps,
@@ -394,7 +398,12 @@ class _Follower:
         guard = self._guard_that_ended(piece)
         if guard is None:
             return piece.path.ended
-        where = f"{self.parameter} = {piece.path.points[-1].x[-1]:.9g}"
+        x = piece.path.points[-1].x
+        where = f"{self.parameter} = {x[-1]:.9g}"
+        state = zip(piece.steady.field.state, x[:-1].tolist(), strict=True)
+        values = {**self.values, self.parameter: float(x[-1]), **dict(state)}
+        if said := ends_of_tables(self.eq.kinks, self.eq.speeds, values):
+            return piece.path.ended._replace(text=f"outside of a table at {where} ({said[0]})")
         what = describe_guard(self.eq, guard, piece.steady.field.mode)
         text = f"boundary equilibrium at {where}: {what}"
         return piece.path.ended._replace(text=text)

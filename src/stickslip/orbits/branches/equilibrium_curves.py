@@ -390,9 +390,11 @@ class _Curve:
         except ZeroDivisionError:
             return None
         z = posed.start
+        F, J = posed.residual(z)
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return None  # a table ends there
         units = posed.units(z)
-        at = z, *posed.residual(z)
-        tangent = tangent_beyond(other, guard, curve.point, at, units, units, steps)
+        tangent = tangent_beyond(other, guard, curve.point, (z, F, J), units, units, steps)
         return None if tangent is None else curve.start(posed, tangent, steps)
 
     def certificate(self, x: Array, problem: _Extended) -> Certificate:
