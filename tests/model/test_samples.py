@@ -173,7 +173,7 @@ def test_wrong_files(reason: str, tmp_path: Path) -> None:
 
 
 def test_gaps(tmp_path: Path) -> None:
-    """A gap between even steps is allowed on request, in what is held, and where no step is even."""
+    """Between even steps one is allowed on request, or in what is held; between others always."""
     (tmp_path / "base.csv").write_text(next(t for r, t in FILES.items() if "between" in r) or "")
     read = ss.Samples.read(tmp_path / "base.csv", "t", "a", gaps=True)
     assert len(read.times) == 26
@@ -187,7 +187,8 @@ def test_gaps(tmp_path: Path) -> None:
             with pytest.raises(ss.DeclarationError, match="gap"):
                 ss.load(tmp_path / "shaken.toml")
         else:
-            assert ss.load(tmp_path / "shaken.toml") == shaken(read)
+            (found,) = ss.load(tmp_path / "shaken.toml").drives.values()
+            assert found == read
     (tmp_path / "base.csv").write_text("t,a\n0,0\n1,1\n1.1,0\n9,0\n")
     assert len(ss.Samples.read(tmp_path / "base.csv", "t", "a").times) == 4
 

@@ -21,7 +21,6 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.observers import Sums, reset
 from stickslip.motion.audit.step_balance import audit_steps, judge
-from stickslip.motion.modes.guards import stands
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
@@ -52,7 +51,7 @@ from stickslip.orbits.settling.engine.returns import (
     miss,
     told_apart,
 )
-from stickslip.orbits.settling.engine.settling import settle_lane
+from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
     ASK,
     AT_FIRST,
@@ -592,7 +591,7 @@ def measure_lane(
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
         if m.outcome[i] == PERIODIC and m.real[i, OPEN] == 0.0 and m.drive[i] <= 0.0:
             # What is so small that its period is not known has died out, or will have.
-            m.outcome[i] = AT_REST if stands(e.flow.rows, saved.mode[i]) else STEADY
+            claim_rest(e, m, saved.mode[i], i)
             m.real[i, DURATION] = rules.real[2]
             numbers[PHASE] = PROVING
         elif awry and look_closer(m, rules, e.lanes, saved, bench, i):
