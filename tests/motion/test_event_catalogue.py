@@ -320,5 +320,11 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         app, ["events", "out/belt_block/trajectory.nc", "--faster-than", "0.31", "--out", "fast"]
     )
     assert fast.exit_code == 0 and "while a rate is above 0.31 m/s" in fast.output
+    above = ["--above", "d_x=0.29", "--out", "above"]
+    listed = run(app, ["events", "out/belt_block/trajectory.nc", *above])
+    assert "while d_x > 0.29" in " ".join(listed.output.split())
+    for wrong, reason in (("d_y=1", "unknown quantity"), ("d_x=fast", "not a number")):
+        refused = run(app, ["events", "out/belt_block/trajectory.nc", "--above", wrong])
+        assert refused.exit_code == 2 and reason in refused.output
     again = run(app, ["events", str(folder / "catalogue.nc")])
     assert again.exit_code == 2 and "not a motion" in again.output
