@@ -41,6 +41,7 @@ _SAMPLES = {
     "values": "the values, instead of a file",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: interpolation between the samples',
     "periodic": "`true` if the samples repeat",
+    "gaps": "`true` if missing samples of a file are to be interpolated",
     "unit": "unit of the values",
 }
 _TABLES = {

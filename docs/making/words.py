@@ -35,6 +35,7 @@ WORDS: Mapping[str, str] = {
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",
+    "tutorials/brake": "brake, stability map, measured friction coefficient, friction curve",
     "how-to/own-friction-law": "own friction law, custom friction law, custom law, "
     "asymmetric friction",
     "how-to/measured-drive": "measured load, measured drive, recorded signal, "

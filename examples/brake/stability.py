@@ -1,8 +1,11 @@
-"""A brake with a measured friction coefficient: its stability and its limit cycles.
+"""A brake with a measured friction coefficient: where steady sliding is stable, over the speed of
+the disc and the force on the pad, and the limit cycles.
 
-Steady sliding is stable if μ(v) decreases no faster than damping allows, N μ′(V) + c > 0. The
-script computes a map of the long-term motions from rest and the cycle at the declared parameters,
-and replaces the table by a law fitted to its points.
+Steady sliding loses its stability where the friction falls faster than damping allows,
+N μ′(V) + c = 0, a curve of Hopf points. With increasing speed of the disc, stick-slip persists
+beyond this curve, up to a speed at which the cycle meets an unstable one; in between, both are
+possible. The script prints both speeds at the declared force, the cycle, and the law fitted to the
+points, and plots the measurement, the map, the branch at the declared force, and cycles.
 """
 
 from pathlib import Path
@@ -12,19 +15,88 @@ import numpy as np
 import stickslip as ss
 
 HERE = Path(__file__).parent
+SPEEDS, FORCES = (0.05, 1.5), (2.0, 40.0)  # m/s, N
 brake = ss.load(HERE / "brake.toml")
-cycle = ss.find_cycle(brake)
-speeds, forces = np.linspace(0.1, 1.5, 8), np.linspace(5.0, 40.0, 5)
-swept = ss.sweep(brake, {"V": speeds, "N": forces}, ["amplitude:x", "stick_fraction"])
-amplitude = swept["amplitude:x"].values
 
-slopes = np.array([brake.evaluate(f"d_mu({v})") for v in speeds])
-steady = forces * slopes[:, None] + brake.values["c"] > 0.0
 
-points = brake.tables["mu"]
-found = ss.fit_law((points.points[1:], points.values[1:]), ss.laws.stribeck, starts=8)
+def branches(speeds=SPEEDS):
+    """Steady sliding and stick-slip over the speed, at the declared force."""
+    steady = ss.continue_equilibrium(brake, "V", speeds)
+    return steady, ss.continue_cycle(ss.find_cycle(brake), "V", speeds)
+
+
+def boundary(steady):
+    """Where steady sliding loses its stability, over speed and force."""
+    (hopf,) = steady.of_kind("Hopf")
+    return ss.hopf_curve(brake, hopf, "V", "N", ranges={"V": SPEEDS, "N": FORCES})
+
+
+def speeded_up(speeds=59, forces=39):
+    """How far the pad swings in the end, while the disc is made faster and faster: each motion
+    starts where the one before has ended."""
+    over = {"V": np.linspace(*SPEEDS, speeds), "N": np.linspace(*FORCES, forces)}
+    return ss.sweep(brake, over, ["amplitude:x", "stick_fraction"], carry="V up")
+
+
+def law():
+    """Stribeck's law through the points, in place of the table."""
+    measured = brake.tables["mu"]
+    return ss.fit_law((measured.points[1:], measured.values[1:]), ss.laws.stribeck, starts=8)
+
+
+def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
+    """The measurement and its law, the map with its boundary, the branch, and cycles."""
+    measured = brake.tables["mu"]
+    with ss.style.paper_style():
+        figure = ss.style.new_figure(9.6, 7.6)
+        axes = figure.subplot_mosaic("aabbb;cccdd")
+        points, plane, branch, phase = axes.values()
+
+        v = np.linspace(0.0, measured.points[-1], 801)
+        points.plot(v, measured(v), color=ss.style.BLUE, label="monotone cubic")
+        points.plot(v[1:], fitted.at(v[1:]), "--", color=ss.style.VERMILION, label="Stribeck's law")
+        points.plot(measured.points, measured.values, "ko", ms=4, label="measured")
+        points.set(xlabel="sliding speed  [m/s]", ylabel="friction coefficient", ylim=(0.0, 0.5))
+        points.legend(frameon=False, loc="lower right")
+
+        swept.plot("amplitude:x", ax=plane)
+        plane.plot(curve.points.V, curve.points.N, "w-", lw=2.0)
+        (end,) = cycles.of_kind("stick onset")
+        plane.plot(end.value, end.parameters["N"], "wo")
+        plane.set(xlim=SPEEDS, ylim=FORCES, xlabel="speed of the disc  [m/s]")
+        plane.set_ylabel("force on the pad  [N]")
+        for x, y, text in (
+            (0.2, 33.0, "stick-slip"),
+            (0.72, 27.0, "either"),
+            (1.15, 8.0, "slides"),
+        ):
+            plane.text(x, y, text, color="white")
+
+        steady.plot("x", others=[cycles], ax=branch)
+        branch.set_xlim(SPEEDS)
+        for V in speeds:
+            # from where the pad, which sticks, is about to slip
+            start = {"x": brake.evaluate("N*mu(0)/k"), "d_x": V}
+            motion = ss.find_cycle(brake, start, parameters={"V": V}).trajectory
+            seen = motion.at(np.linspace(*motion.t_span, 801))
+            phase.plot(seen["x"], seen["d_x"], color=ss.style.BLUE)
+            phase.text(seen["x"].mean(), V + 0.04, f"V = {V:g} m/s", ha="center")
+        phase.set(xlabel="position of the pad  [m]", ylabel="its velocity  [m/s]", ylim=(-1.1, 1.2))
+        for letter, ax in axes.items():
+            ax.text(-0.02, 1.03, f"({letter})", transform=ax.transAxes, ha="right")
+    return figure
+
 
 if __name__ == "__main__":
-    print(f"cycle of period {cycle.period:.6f} s, certified: {cycle.certificate.ok}")
-    print("\n".join(found.unknowns_in_words()))
-    swept.plot().savefig("brake-map.png")
+    steady, cycles = branches()
+    (hopf,), (onset,) = steady.of_kind("Hopf"), cycles.of_kind("stick onset")
+    print(f"steady sliding is stable from V = {hopf.value:.6f} m/s on ({hopf.note})")
+    print(f"stick-slip ends at V = {onset.value:.6f} m/s")
+    cycle = ss.find_cycle(brake)
+    V = brake.values["V"]
+    print(f"cycle at {V} m/s: {cycle.period:.6f} s, certified: {cycle.certificate.ok}")
+    fitted = law()
+    print("\n".join(fitted.unknowns_in_words()))
+    swept = speeded_up()
+    print(swept.certificate.verdict)
+    picture(swept, boundary(steady), steady, cycles, fitted).savefig("brake-map.png")

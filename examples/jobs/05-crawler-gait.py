@@ -102,6 +102,7 @@ if __name__ == "__main__":
     for name, cycle in {"start": start, "fastest": gait(fast.x), "cheapest": gait(cheap.x)}.items():
         cost = cycle.cost_of_transport("2*m*g")
         print(f"{name:9} {cycle.speed:.6f} m/s, cost of transport {cost:.6f}")
-    print(dict(zip(NAMES, fast.x.round(6), strict=True)), f"{fast.nfev} gaits, {fast.message}")
-    print(dict(zip(NAMES, cheap.x.round(6), strict=True)), f"{cheap.nfev} gaits, {cheap.message}")
+    for found in (fast, cheap):
+        values = ", ".join(f"{name} = {x:.6f}" for name, x in zip(NAMES, found.x, strict=True))
+        print(f"{values}: {found.nfev} gaits, {found.message}")
     gait(fast.x).plot().savefig("gait.png")

@@ -17,12 +17,25 @@ def test_a_measured_brake() -> None:
     assert spec is not None and spec.loader is not None
     brake = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(brake)
-    assert brake.cycle.certificate.ok and brake.cycle.stable
-    assert brake.swept["certificate"].values.max() <= 1.0
-    vibrates = brake.amplitude > 1e-6
-    assert vibrates[~brake.steady].all() and not vibrates[-1].any()
-    # Steady sliding and a cycle beside each other
-    assert (vibrates & brake.steady).any()
-    assert brake.found.certificate.ok
+    steady, cycles = brake.branches()
+    curve = brake.boundary(steady)
+    assert curve.certificate.ok
+    slopes = [brake.brake.evaluate(f"d_mu({V!r})") for V in curve.points["V"].values.tolist()]
+    np.testing.assert_allclose(curve.points["N"], -0.6 / np.array(slopes), rtol=1e-9)
+    swept = brake.speeded_up(speeds=30, forces=3)
+    assert swept.certificate.ok
+    vibrates = swept["amplitude:x"].values > 1e-6
+    speeds, forces = swept["V"].values, swept["N"].values
+    stable = forces * [[brake.brake.evaluate(f"d_mu({V!r})")] for V in speeds.tolist()] + 0.6 > 0
+    assert vibrates[~stable].all() and not vibrates[-1].any()
+    assert (vibrates & stable).any()  # steady sliding and a cycle beside each other
+    (onset,) = cycles.of_kind("stick onset")
+    last = np.interp(20.0, forces, [speeds[row].max() for row in vibrates.T])
+    # It falls off the branch at the latest where that ends, with larger steps earlier.
+    assert onset.value - 0.2 < last < onset.value
+    fitted = brake.law()
+    assert fitted.certificate.ok
     at = np.array([0.1, 1.0, 3.0])
-    np.testing.assert_allclose(brake.found.at(at), brake.points(at), atol=0.01)
+    np.testing.assert_allclose(fitted.at(at), brake.brake.tables["mu"](at), atol=0.01)
+    figure = brake.picture(swept, curve, steady, cycles, fitted, speeds=(0.4,))
+    assert figure.axes[1].get_ylabel() == "force on the pad  [N]"

@@ -90,8 +90,12 @@ def test_scales(measure: str, values: list[float], ends: tuple[float, float], ki
 
 def test_maps_have_these_scales() -> None:
     over = {"P": "0.8:1.4:7", "delta": "0.02:0.1:8"}
-    found = ss.sweep(TOY, over, ["amplitude", "stick_fraction", "signed = speed - 0.1"])
-    amplitude, share, signed = (axes.collections[0] for axes in found.plot().axes[:3])
+    formulas = ["signed = speed - 0.1", "rate = 1/period", "moves = 1 - stick_fraction"]
+    found = ss.sweep(TOY, over, ["amplitude", "stick_fraction", *formulas])
+    names = "amplitude", "stick_fraction", "signed", "rate", "moves"
+    drawn = [found.plot(name).axes[0].collections[-1] for name in names]
+    amplitude, share, signed, rate, moves = drawn
+    assert rate.get_clim()[0] == 0.0 and moves.get_clim() == (0.0, 1.0)
     assert amplitude.get_clim()[0] == 0.0
     assert share.get_clim() == (0.0, 1.0)
     low, high = signed.get_clim()

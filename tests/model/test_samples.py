@@ -153,6 +153,8 @@ FILES = {
     "line 3, column 't': the time 0 comes after 1": "t\ta\n1\t2\n0\t3",
     "line 3, column 'a': nan is not a number": "t a\n0 1\n1 nan\n",
     "unknown column 'a'. Known here: t, acc": "t,acc\n0,1\n1,2\n",
+    "there is no sample between 0.4 and 0.9. Fill the gap": "t,a\n"
+    + "".join(f"{0.1 * i:.1f},1\n" for i in range(30) if not 4 < i < 9),
     "the file is empty": "\n",
     "not a text file": "\0\1\2",
     "no such file": None,
@@ -168,6 +170,27 @@ def test_wrong_files(reason: str, tmp_path: Path) -> None:
     with pytest.raises(ss.DeclarationError) as error:
         ss.Samples.read(tmp_path / "base.csv", "t", "a")
     assert reason in str(error.value) and error.value.remedy
+
+
+def test_gaps(tmp_path: Path) -> None:
+    """Between even steps one is allowed on request, or in what is held; between others always."""
+    (tmp_path / "base.csv").write_text(next(t for r, t in FILES.items() if "between" in r) or "")
+    read = ss.Samples.read(tmp_path / "base.csv", "t", "a", gaps=True)
+    assert len(read.times) == 26
+    assert ss.Samples.read(tmp_path / "base.csv", "t", "a", "hold").kind == "hold"
+    model = shaken(ss.Samples([0, 2], [1, 3])).to_toml()
+    listed = "{times = [0.0, 2.0], values = [1.0, 3.0]}"
+    for gaps, refused in (("true", False), ("false", True), ("1", True)):
+        named = '{file = "base.csv", time = "t", value = "a", gaps = ' + gaps + "}"
+        (tmp_path / "shaken.toml").write_text(model.replace(listed, named))
+        if refused:
+            with pytest.raises(ss.DeclarationError, match="gap"):
+                ss.load(tmp_path / "shaken.toml")
+        else:
+            (found,) = ss.load(tmp_path / "shaken.toml").drives.values()
+            assert found == read
+    (tmp_path / "base.csv").write_text("t,a\n0,0\n1,1\n1.1,0\n9,0\n")
+    assert len(ss.Samples.read(tmp_path / "base.csv", "t", "a").times) == 4
 
 
 def test_files(tmp_path: Path) -> None:

@@ -199,6 +199,46 @@ def test_earthquakes_of_rate_and_state_friction(tmp_path: Path) -> None:
             motion.event_catalogue(faster_than=wrong)
 
 
+def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
+    """x = cos t: the time, the integral and the largest value of each crest above 1/2."""
+    system = ss.System(
+        "oscillator",
+        coordinates={"x": ss.Inertial("m")},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        outputs={"pull": ss.Output("2*x", "N", "pull of the spring")},
+        initial={"x": 0.0, "d_x": 1.0},
+        span=(0, 20),
+        time_unit="s",
+    )
+    motion = ss.simulate(system)  # x = sin t
+    for what, factor, unit in (("pull", 2.0, "N*s"), ("x", 1.0, "m*s"), ("x**3", 1.0, "m^3*s")):
+        power = 3 if what == "x**3" else 1
+        events = motion.event_catalogue(above={what: factor * 0.5**power})
+        np.testing.assert_allclose(
+            events["start"], np.pi / 6 + 2 * np.pi * np.arange(3), rtol=1e-12
+        )
+        np.testing.assert_allclose(events["duration"], 2 * np.pi / 3, rtol=1e-12)
+        exact = np.sqrt(3) if power == 1 else np.sqrt(3) - np.sqrt(3) / 4
+        np.testing.assert_allclose(events["size"], factor * exact, rtol=1e-12)
+        np.testing.assert_allclose(events["largest_rate"], factor, rtol=1e-3)
+        assert events["size"].attrs["units"] == unit
+    events = motion.event_catalogue(above={"pull": 1.0, "d_x": 0.97})
+    assert set(events["first"].values) == {"pull", "d_x"} and set(events["contacts"].values) == {1}
+    assert "while pull > 1 N or d_x > 0.97 m/s" in str(events.summary())
+    events.save(tmp_path / "events.nc")
+    assert ss.open(tmp_path / "events.nc").dataset.identical(events.dataset)
+    for wrong, reason in (
+        ({}, "no quantity"),
+        ({"pul": 1.0}, "pull"),
+        ({"x": np.nan}, "not a finite number"),
+    ):
+        with pytest.raises(DeclarationError, match=reason):
+            motion.event_catalogue(above=wrong)
+    with pytest.raises(DeclarationError, match="not both"):
+        motion.event_catalogue(above={"x": 0.0}, faster_than=1.0)
+
+
 def test_exponent_of_the_gutenberg_richter_law() -> None:
     """Of sizes with density ∝ size^(−1 − β), b is 3β/2."""
     events = ss.simulate(on_a_belt(1.0, 1.7, 2.9), (0.0, 500.0)).event_catalogue(energy=False)
@@ -280,5 +320,11 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         app, ["events", "out/belt_block/trajectory.nc", "--faster-than", "0.31", "--out", "fast"]
     )
     assert fast.exit_code == 0 and "while a rate is above 0.31 m/s" in fast.output
+    above = ["--above", "d_x=0.29", "--out", "above"]
+    listed = run(app, ["events", "out/belt_block/trajectory.nc", *above])
+    assert "while d_x > 0.29" in " ".join(listed.output.split())
+    for wrong, reason in (("d_y=1", "unknown quantity"), ("d_x=fast", "not a number")):
+        refused = run(app, ["events", "out/belt_block/trajectory.nc", "--above", wrong])
+        assert refused.exit_code == 2 and reason in refused.output
     again = run(app, ["events", str(folder / "catalogue.nc")])
     assert again.exit_code == 2 and "not a motion" in again.output

@@ -43,7 +43,7 @@ def test_straight_lines_are_the_formula_typed_out() -> None:
     same(one, other)
     assert len(one.events) == len(other.events) > one.n_switches
     np.testing.assert_allclose(one.events["time"], other.events["time"], rtol=0, atol=1e-12)
-    assert "speed:0 at a knot of mu" in set(one.events["contact"])
+    assert "speed at a knot of mu" in set(one.events["contact"])
     rough = ss.Table([-2.0, -0.2, 0.1, 0.4, 2.0], [0.3, 0.6, 0.4, 0.5, 0.3])
     places = [
         belt("0.8*g(x)", "g(x)", tables={"g": rough}),
@@ -252,3 +252,14 @@ def test_several_wells_have_their_equilibria() -> None:
     found = ss.equilibria(system)
     np.testing.assert_allclose(sorted(found.dataset["x"].values), points[:-1] + 0.5, atol=1e-12)
     assert found.certificate.ok
+
+
+def test_what_begins_outside_is_said_everywhere() -> None:
+    """In motions, maps, searches for cycles and equilibria: not that a logarithm has no value."""
+    system = belt(tables={"mu": ss.Table(*FALLING)}).with_parameters(V=30.0)
+    assert ss.simulate(system).outcome is Outcome.OUTSIDE_TABLE
+    found = ss.sweep(system, {"V": [0.2, 30.0]}, ["amplitude"])["outcome"].values
+    assert found[1] == Outcome.OUTSIDE_TABLE.code != found[0]
+    with pytest.raises(ss.ConvergenceError, match="outside of a table"):
+        ss.find_cycle(system)
+    assert not ss.equilibria(system).isolated

@@ -61,7 +61,7 @@ def speeds(motion, ax=None):
         rates = motion.at(np.linspace(start, end, 4001))["d_x"]
         share = np.full(len(rates), 100.0 / len(rates))
         ax.hist(rates, bins=50, weights=share, log=True, color=ss.style.BLUE)
-        ax.set(xlabel="velocity of the block  [m/s]", ylabel="fraction of the time  [%]")
+        ax.set(xlabel="velocity of the block  [m/s]", ylabel="fraction of time  [%]")
     return ax.figure
 
 

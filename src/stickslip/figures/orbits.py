@@ -34,6 +34,7 @@ from stickslip.figures.drawing.style import (
 )
 from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import drift_units
+from stickslip.orbits.continuation.branch import without_knots
 
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
@@ -145,7 +146,7 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
     markers = _markers(curves)
     for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
         handles += _draw_curve(axes, curve, names, colour)
-        for point in curve.special:
+        for point in without_knots(curve.special):
             place = (point.parameters[name] for name in names)
             axes.plot(*place, **markers[point.kind], zorder=3)
     units = [curves[0].system.parameters[name].unit for name in names]
@@ -293,7 +294,7 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
             style = _line(stable[first] == 1)
             kind = _kind(_is_cycles(branch), bool(sticks[first]))
             axes.plot(*(v[part] for v in drawn), linestyle=style, **kind)
-    for point in branch.special:
+    for point in without_knots(branch.special):
         style = markers[point.kind]
         for height in _heights(branch, point, name):
             axes.plot(point.value, height, **style, zorder=3)
@@ -339,7 +340,7 @@ def _kind(cycle: bool, sticks: bool) -> dict[str, Any]:
 def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
     """Markers of the kinds of special points: hollow and of different sizes, since points may be
     close together."""
-    kinds = list(dict.fromkeys(s.kind for branch in branches for s in branch.special))
+    kinds = list(dict.fromkeys(s.kind for b in branches for s in without_knots(b.special)))
     return {
         kind: {
             "marker": _MARKERS[i % len(_MARKERS)],

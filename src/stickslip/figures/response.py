@@ -29,6 +29,7 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.model.entries.units import unit_label, with_unit
+from stickslip.orbits.continuation.branch import without_knots
 
 if TYPE_CHECKING:
     import xarray
@@ -130,7 +131,7 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
     if f"backbone_{name}" in data and data.sizes["backbone"] > 1:
         at, top = data[f"backbone_{x}"].values, data[f"backbone_{name}"].values
         axes.plot(*smooth_curve(at, top, np.zeros(len(at))), **_BACKBONE)
-    for point in response.special:
+    for point in without_knots(response.special):
         here = float(data[name][point.index])
         style = _FOLD if point.kind == "fold" else _CHANGE
         axes.plot(point.value, here, linestyle="none", zorder=3, **style)
@@ -262,7 +263,7 @@ def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:
         for there, text, style in lines
         if there
     ]
-    kinds = {s.kind for s in response.special}
+    kinds = {s.kind for s in without_knots(response.special)}
     marks = [
         ("fold" in kinds, "fold", _FOLD),
         (bool(kinds - {"fold"}), ", ".join(sorted(kinds - {"fold"})), _CHANGE),

@@ -287,7 +287,7 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
         for colour, here in _gaps(data, _codes(data, names), name).items():
             axes.plot(x[here], y[here], ".", color=colour, ms=6)
         size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
-        scale = colour_scale(name, data[name].values[shown])
+        scale = colour_scale(name, data[name].values[shown], data[name].attrs)
         style: dict[str, Any] = {"cmap": COLOURS[scale.kind], "vmin": scale.low, "vmax": scale.high}
         dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, lw=0, **style)
         for kind, bad in doubtful(data, name).items():
@@ -392,7 +392,7 @@ def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
     values = data[name].values
     computed = data["outcome"].values != NOT_COMPUTED
     sure = computed & ~uncertified(data, name) & np.isfinite(values)
-    return colour_scale(name, values[sure if np.any(sure) else computed])
+    return colour_scale(name, values[sure if np.any(sure) else computed], data[name].attrs)
 
 
 def _draw_outcomes(

@@ -21,7 +21,7 @@ from stickslip.certificates import Certificate
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint, without_knots
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.sensitivities.cycle import cycle_sensitivity
@@ -260,17 +260,18 @@ def _special(
     """Special points with their standard deviations."""
     deviations = []
     lost = []
+    special = without_knots(branch.special)
     with watched("deviations of special points") as show:
-        for i, point in enumerate(branch.special):
-            show(i / len(branch.special))
+        for i, point in enumerate(special):
+            show(i / len(special))
             try:
                 deviations.append(_moved_by(branch, point, free, covariance, width))
             except StickslipError as error:
                 deviations.append(np.nan)
                 lost.append(f"{point.describe()}: not found again nearby ({error})")
     return {
-        "kind": ("special", np.array([s.kind for s in branch.special], dtype=object)),
-        "value": ("special", np.array([s.value for s in branch.special])),
+        "kind": ("special", np.array([s.kind for s in special], dtype=object)),
+        "value": ("special", np.array([s.value for s in special])),
         "value_sd": ("special", np.array(deviations)),
     }, lost
 

@@ -6,13 +6,13 @@ Phys. Rev. A 40 (1989) 6470-6484, its size is the sum of the slips of all contac
 earthquake up to a factor.
 
 Friction that depends on rate and state never sticks: there an event lasts as long as some
-coordinate is faster than a given rate.
+coordinate is faster than a given rate, or as an output, or any other quantity, is above a level.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,11 +21,18 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import ConvergenceError, DeclarationError, short
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
-from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
+from stickslip.model.quantities import (
+    described_as,
+    energy_unit,
+    quantity,
+    quantity_or_formula,
+    slip_unit,
+)
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
+from stickslip.motion.between.formulas import Along, read_formula
 from stickslip.motion.simulate import run_loop
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
@@ -330,6 +337,30 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     return EventCatalogue(system, dict(motion.parameters), data, span, certificate)
 
 
+@dataclass(frozen=True)
+class _Watched:
+    """Quantities, each of which is above its level in an event.
+
+    Attributes
+    ----------
+    levels : array, shape (names,)
+    values : callable
+        Times since the origin, and steps -> quantities, shape (times, names).
+    said : str
+        What an event is.
+    """
+
+    motion: Trajectory
+    names: list[str]
+    levels: Array
+    values: Callable[[Array, Array], Array]
+    said: str
+
+    def above(self, clock: Array, index: Array) -> Array:
+        """Whether one of them is, shape (times,)."""
+        return np.any(self.values(clock, index) > self.levels, axis=1)
+
+
 def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     """The events of a motion in which some coordinate is faster than a rate.
 
@@ -341,8 +372,6 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     DeclarationError
         If the rate is not positive, or there are no coordinates.
     """
-    import xarray as xr
-
     if not 0.0 < rate < math.inf:
         raise DeclarationError(
             "faster_than", f"{rate:g} is not a positive number", "Give a positive rate"
@@ -353,59 +382,145 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
         raise DeclarationError(
             "faster_than", f"{system.name} has no coordinates", "Declare a coordinate"
         )
-    k = motion.knots
-    start, end = _fast_stretches(motion, names, rate)
-    before, after = (motion.at(t + k.origin) for t in (start, end))
-    moved = np.stack([np.abs(after[x] - before[x]) for x in names], axis=-1)
-    within = _fastest_within(motion, names, start, end)
-    rates = np.stack([np.abs(before[f"d_{x}"]) for x in names], axis=-1)
-    fast = within > rate
-    sizes = np.where(fast, moved, 0.0)
-    table = {
-        "start": start + k.origin,
-        "duration": end - start,
-        "interevent": _interevent(start),
-        "size": np.sum(sizes, axis=1),
-        "largest_slip": np.max(sizes, axis=1, initial=0.0),
-        "contacts": np.sum(fast, axis=1),
-        "first": np.array(names, dtype=object)[np.argmax(rates, axis=1)],
-        "energy_drop": before["energy"] - after["energy"],
-        "energy_released": after["dissipated_energy"] - before["dissipated_energy"],
-        "largest_rate": np.max(within, axis=1, initial=0.0),
-    }
     units = {quantity(system, x)["units"] for x in names}
     speeds = {quantity(system, f"d_{x}")["units"] for x in names}
     slip, speed = (found.pop() if len(found) == 1 else None for found in (units, speeds))
-    attributes = _attributes(system) | {
+
+    def rates(clock: Array, index: Array) -> Array:
+        found = motion.trace([f"d_{x}" for x in names], clock + motion.knots.origin, index)
+        return np.abs(np.stack([found[f"d_{x}"] for x in names], axis=-1))
+
+    said = f"while a rate is above {with_unit(rate, speed or '1', 6)}"
+    watched = _Watched(motion, names, np.full(len(names), rate), rates, said)
+    start, end = _stretches(watched)
+    before, after = (motion.at(t + motion.knots.origin) for t in (start, end))
+    moved = np.stack([np.abs(after[x] - before[x]) for x in names], axis=-1)
+    attributes = {
         "size": described_as("total slip", slip),
         "largest_slip": described_as("largest slip of a coordinate", slip),
         "contacts": described_as("number of fast coordinates", "1"),
         "first": described_as("first coordinate to become fast", None),
         "largest_rate": described_as("largest rate", speed),
     }
-    said = f"while a rate is above {with_unit(rate, speed or '1', 6)}"
+    return _listed(watched, (start, end), moved, attributes)
+
+
+def events_above(motion: Trajectory, levels: Mapping[str, float]) -> EventCatalogue:
+    """The events of a motion in which one of some quantities is above its level.
+
+    Parameters
+    ----------
+    levels : mapping of str to float
+        By output, by another quantity of a motion, or by a formula of these.
+
+    Raises
+    ------
+    DeclarationError
+        If there is none, or a level is not a number.
+    """
+    system = motion.system
+    if not levels:
+        raise DeclarationError(
+            "above", "no quantity is given", 'Name one with its level, like {"output": 0.01}'
+        )
+    for name, level in levels.items():
+        if not math.isfinite(level):
+            raise DeclarationError(
+                f"above: {short(name)}", f"{level:g} is not a finite number", "Give a finite level"
+            )
+    names = list(levels)
+    along = Along(motion, [read_formula(system, name, f"above: {short(name)}") for name in names])
+    said = [quantity_or_formula(system, name) for name in names]
+    found = {one.get("units", "1") for one in said}
+    unit = found.pop() if len(found) == 1 else None
+    texts = [
+        f"{name} > {with_unit(level, one.get('units', '1'), 6)}"
+        for (name, level), one in zip(levels.items(), said, strict=True)
+    ]
+    watched = _Watched(
+        motion,
+        names,
+        np.array([*levels.values()], float),
+        along.on_clock,
+        f"while {' or '.join(texts)}",
+    )
+    start, end = _stretches(watched)
+    whole = None
+    if unit is not None:
+        whole = unit_text(unit_product((factors(unit), 1), (factors(system.time_unit), 1)))
+    attributes = {
+        "size": described_as("integral over the event", whole),
+        "largest_slip": described_as("largest integral of a quantity", whole),
+        "contacts": described_as("number of quantities above their levels", "1"),
+        "first": described_as("first quantity above its level", None),
+        "largest_rate": described_as("largest value", unit),
+    }
+    return _listed(watched, (start, end), _integrals(watched, start, end), attributes)
+
+
+def _listed(
+    watched: _Watched,
+    span: tuple[Array, Array],
+    moved: Array,
+    attributes: Mapping[str, dict[str, str]],
+) -> EventCatalogue:
+    """The events as a catalogue.
+
+    Parameters
+    ----------
+    span : pair of arrays
+        Begins and ends, since the origin.
+    moved : array, shape (events, names)
+        How large each is in each event.
+    """
+    import xarray as xr
+
+    motion, names = watched.motion, watched.names
+    system, k = motion.system, motion.knots
+    start, end = span
+    before, after = (motion.at(t + k.origin) for t in span)
+    within = _largest_within(watched, start, end)
+    above = within > watched.levels
+    sizes = np.where(above, moved, 0.0)
+    steps = np.searchsorted(k.clock, start, side="right") - 1
+    # What begins an event is at its level there; others are below theirs.
+    nearest = watched.values(start, np.clip(steps, 0, len(k.clock) - 2)) - watched.levels
+    table = {
+        "start": start + k.origin,
+        "duration": end - start,
+        "interevent": _interevent(start),
+        "size": np.sum(sizes, axis=1),
+        "largest_slip": np.max(sizes, axis=1, initial=0.0),
+        "contacts": np.sum(above, axis=1),
+        "first": np.array(names, dtype=object)[np.argmax(nearest, axis=1)],
+        "energy_drop": before["energy"] - after["energy"],
+        "energy_released": after["dissipated_energy"] - before["dissipated_energy"],
+        "largest_rate": np.max(within, axis=1, initial=-np.inf),
+    }
+    attributes = _attributes(system) | dict(attributes)
     data = xr.Dataset(
         {name: ("event", values, attributes[name]) for name, values in table.items()},
         attrs={
             "title": system.title or system.name,
             "source": system.source,
-            "events": said,
+            "events": watched.said,
             "count": len(names),
         },
     )
-    span = float(k.time[0]), float(k.time[-1])
-    return EventCatalogue(system, dict(motion.parameters), data, span, motion.certificate)
+    ends = float(k.time[0]), float(k.time[-1])
+    return EventCatalogue(system, dict(motion.parameters), data, ends, motion.certificate)
 
 
-def _looks(motion: Trajectory, names: Sequence[str]) -> tuple[Array, Array, Array]:
-    """Times since the origin, steps and moduli of rates at the places of all steps that are looked
-    at, both ends among them."""
+def _looks(watched: _Watched) -> tuple[Array, Array, Array]:
+    """Times since the origin, steps and quantities at the places of all steps that are looked at,
+    both ends among them."""
+    motion = watched.motion
     clock = np.union1d(motion.knots.clock, _ends_of_series(motion))
     places = np.linspace(0.0, 1.0, _LOOKS)
     times = clock[:-1, None] + np.diff(clock)[:, None] * places
     steps = np.searchsorted(motion.knots.clock, clock[:-1], side="right") - 1
     index = np.repeat(steps, _LOOKS)
-    return times.ravel(), index, _rates(motion, names, times.ravel(), index)
+    return times.ravel(), index, watched.values(times.ravel(), index)
 
 
 def _ends_of_series(motion: Trajectory) -> Array:
@@ -429,39 +544,49 @@ def _ends_of_series(motion: Trajectory) -> Array:
     return knots.clock[knots.clock <= k.clock[-1]]
 
 
-def _rates(motion: Trajectory, names: Sequence[str], clock: Array, index: Array) -> Array:
-    """Moduli of rates at times since the origin, shape (times, names)."""
-    found = motion.trace([f"d_{x}" for x in names], clock + motion.knots.origin, index)
-    return np.abs(np.stack([found[f"d_{x}"] for x in names], axis=-1))
-
-
-def _fast_stretches(motion: Trajectory, names: Sequence[str], rate: float) -> tuple[Array, Array]:
-    """Begins and ends of the stretches in which some rate is above the limit."""
-    clock, index, rates = _looks(motion, names)
-    fast = np.max(rates, axis=1) > rate
-    change = np.flatnonzero(fast[1:] != fast[:-1])
+def _stretches(watched: _Watched) -> tuple[Array, Array]:
+    """Begins and ends of the stretches in which a quantity is above its level."""
+    clock, index, values = _looks(watched)
+    above = np.any(values > watched.levels, axis=1)
+    change = np.flatnonzero(above[1:] != above[:-1])
     low, high = clock[change].copy(), clock[change + 1].copy()
-    before = fast[change]
-    # Where the rate jumps between two steps, both are the same time.
+    before = above[change]
+    # Where the quantity jumps between two steps, both are the same time.
     own = index[change]
-    for _ in range(HALVINGS):
+    for _ in range(HALVINGS if len(change) else 0):
         middle = 0.5 * (low + high)
-        now = np.max(_rates(motion, names, middle, own), axis=1, initial=0.0) > rate
-        same = now == before
+        same = watched.above(middle, own) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     if len(change) and before[0]:  # it had begun before the motion
         high, before = high[1:], before[1:]
     count = len(high) // 2 * 2
-    return high[0:count:2], high[1:count:2]
+    return high[0:count:2].copy(), high[1:count:2].copy()
 
 
-def _fastest_within(motion: Trajectory, names: Sequence[str], start: Array, end: Array) -> Array:
-    """Largest moduli of the rates that are seen in each stretch, shape (stretches, names)."""
-    clock, _, rates = _looks(motion, names)
+def _largest_within(watched: _Watched, start: Array, end: Array) -> Array:
+    """Largest values that are seen in each stretch, shape (stretches, names)."""
+    clock, _, values = _looks(watched)
     first, last = np.searchsorted(clock, start), np.searchsorted(clock, end)
-    found = np.zeros((len(start), len(names)))
+    found = np.zeros((len(start), len(watched.names)))
     for i, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        found[i] = np.max(rates[a:b], axis=0, initial=0.0)
+        found[i] = np.max(values[a:b], axis=0, initial=-np.inf)
+    return found
+
+
+def _integrals(watched: _Watched, start: Array, end: Array) -> Array:
+    """Integrals over each stretch, shape (stretches, names), by Gauss's rule on every step."""
+    motion = watched.motion
+    clock = np.union1d(motion.knots.clock, _ends_of_series(motion))
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    found = np.zeros((len(start), len(watched.names)))
+    for event, (begun, ended) in enumerate(zip(start.tolist(), end.tolist(), strict=True)):
+        inside = clock[(clock > begun) & (clock < ended)]
+        edges = np.concatenate([[begun], inside, [ended]])
+        half = 0.5 * np.diff(edges)
+        times = (edges[:-1] + half)[:, None] + half[:, None] * nodes
+        index = np.searchsorted(motion.knots.clock, edges[:-1] + half, side="right") - 1
+        values = watched.values(times.ravel(), np.repeat(index, _NODES))
+        found[event] = (half[:, None] * weights).ravel() @ values
     return found
 
 

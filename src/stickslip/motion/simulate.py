@@ -115,8 +115,6 @@ def simulate(
     if outcome is Outcome.FINISHED and rests_forever(problem, knots):
         outcome = Outcome.AT_REST
     trajectory = Trajectory(problem, (start, end), knots, outcome, rtol, y)
-    if outcome is Outcome.UNDEFINED and trajectory.begins_outside_a_table:
-        trajectory.outcome = Outcome.OUTSIDE_TABLE
     trajectory.wall_time = time.perf_counter() - started
     return trajectory
 

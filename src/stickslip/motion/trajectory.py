@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
+from stickslip.model.entries.polynomials import ends_of_tables
 from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
-_SPEED = re.compile(r"speed:\d+")
 GRID = 1000  # points of the dataset between knots
 
 
@@ -75,6 +73,8 @@ class Trajectory(Result):
         self.rtol = rtol
         self.start = start
         self.wall_time: float = 0.0
+        if outcome is Outcome.UNDEFINED and len(knots.clock) == 1 and self._ends_of_tables():
+            self.outcome = Outcome.OUTSIDE_TABLE  # it has not begun
 
     def __repr__(self) -> str:
         return (
@@ -111,22 +111,12 @@ class Trajectory(Result):
             label = f"{label} ({said[0]})" if said else label
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
 
-    @property
-    def begins_outside_a_table(self) -> bool:
-        """Whether the motion cannot begin because a table is undefined at the initial state."""
-        return len(self.knots.clock) == 1 and bool(self._ends_of_tables())
-
     def _ends_of_tables(self) -> list[str]:
         """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
         for."""
         equations = self._problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
-        found = list[str]()
-        for guard in filter(is_bounded, equations.kinks):
-            if said := beyond_an_end(ex.substitute(guard, equations.speeds), values):
-                name = _SPEED.sub("speed", ex.to_text(guard.args[0]))
-                found.append(f"{name} = {said}")
-        return found
+        return ends_of_tables(equations.kinks, equations.speeds, values)
 
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""
@@ -467,7 +457,11 @@ class Trajectory(Result):
 
     @validated
     def event_catalogue(
-        self, *, faster_than: float | None = None, energy: bool = True
+        self,
+        *,
+        faster_than: float | None = None,
+        above: Mapping[str, float] | None = None,
+        energy: bool = True,
     ) -> EventCatalogue:
         """Return the slip events: each begins with the first slip after all contacts have been
         sticking, and ends when all stick again.
@@ -477,6 +471,10 @@ class Trajectory(Result):
         faster_than : float, optional
             If given, an event lasts as long as the rate of some coordinate exceeds this value, as
             for rate-and-state friction, which never sticks.
+        above : mapping of str to float, optional
+            Levels of outputs, or of any formula of quantities of results. If given, an event lasts
+            as long as one of these exceeds its level, and its size is the integral over the event,
+            such as the seismic moment if the output is a moment rate.
         energy : bool
             Whether to compute energies and the certificate, which requires a pass through the whole
             motion.
@@ -484,10 +482,16 @@ class Trajectory(Result):
         Raises
         ------
         DeclarationError
-            If no contact is dry and no rate is given.
+            If no contact is dry and neither a rate nor a level is given, or both are.
         """
-        from stickslip.motion.event_catalogue import catalogue_of, fast_events
+        from stickslip.motion.event_catalogue import catalogue_of, events_above, fast_events
 
+        if faster_than is not None and above is not None:
+            raise DeclarationError(
+                "above", "a rate is given, too", "Give faster_than or above, not both"
+            )
+        if above is not None:
+            return events_above(self, above)
         return catalogue_of(self, energy) if faster_than is None else fast_events(self, faster_than)
 
     @validated

@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
-from stickslip.orbits.continuation.branch import SPECIAL_POINTS, SpecialPoint
+from stickslip.orbits.continuation.branch import SPECIAL_POINTS, SpecialPoint, without_knots
 from stickslip.results import CERTIFICATE, PLAIN, Completion, Result, shortened, together
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ class FrequencyResponse(Result):
             at = float(data[f"peak_{self.parameter}"][i])
             shown = f"largest response {top:.9g} at {self.parameter} = {at:.9g}"
             rows.append((name, shown if np.isfinite(top) else "no response"))
-        special = [("special point", _of_level(s, self.level)) for s in self.special]
+        special = [("special point", _of_level(s, self.level)) for s in without_knots(self.special)]
         return [*rows, *shortened(special), *shortened([("note", note) for note in self.notes])]
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:

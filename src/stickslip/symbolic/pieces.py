@@ -16,6 +16,7 @@ and repeat where the motion does.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,6 +27,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 _TURN = 2.0 * math.pi
 _GRID = 2.0**-50
+_SPEED = re.compile(r"speed:\d+")  # of a contact, by its number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,8 +251,19 @@ def boundary(guard: Expr) -> str:
     """Description of the zero of a guard."""
     row = FUNCTIONS.get(guard.op)
     if row is not None and row.sampled and row.called:
-        return f"{ex.to_text(guard.args[0])} at a knot of {row.called}"
-    return f"{ex.to_text(unwrapped(guard))} = 0"
+        return f"{shown(guard.args[0])} at a knot of {row.called}"
+    return f"{shown(unwrapped(guard))} = 0"
+
+
+def is_smooth_knot(guard: Expr) -> bool:
+    """Whether it is passed at a knot of samples or of a table, with a continuous slope there."""
+    row = FUNCTIONS.get(guard.op)
+    return row is not None and row.sampled and not row.kinked
+
+
+def shown(e: Expr) -> str:
+    """A formula with the names that users have written: the speed of each contact is ``speed``."""
+    return _SPEED.sub("speed", ex.to_text(e))
 
 
 @lru_cache(maxsize=4096)

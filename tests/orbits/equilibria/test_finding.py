@@ -295,7 +295,7 @@ def test_none() -> None:
         "no equilibrium was found (tried 1 of 1 combinations of modes and regions with 64 starts "
     )
     virtual = equilibria(flow({"x": "1 + abs(x)"}))
-    assert "beyond the boundary where x = 0" in virtual.message
+    assert "beyond the boundary (x = 0)" in virtual.message
 
 
 def test_only_inside_the_box() -> None:

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.motion.audit.observers import LASTED, STUCK
 from stickslip.motion.between.formulas import read_formula
 from stickslip.orbits.cycles.over_period import extrema
+from stickslip.sweeps.request.one_period import RULES
 
 CATALOGUE: dict[str, tuple[str, tuple[str, ...]]] = {
+    "belt_block": ("V", ("stick_fraction", "stick_fraction:belt contact", "rms:d_x")),
     "belt_stribeck": (
         "V",
         (
@@ -20,15 +23,59 @@ CATALOGUE: dict[str, tuple[str, tuple[str, ...]]] = {
             "low:x",
             "amplitude:d_x",
             "mean:energy",
+            "rms:x",
+            "crest:d_x*x",
+            "harmonic:x",
+            "stick_fraction",
         ),
     ),
-    "forced_oscillator": ("omega", ("energy_per_cycle", "high:x*d_x", "mean:dd_x*x", "period")),
-    "plate_compactor": ("m", ("energy_per_cycle", "energy_per_distance")),
-    "woodpecker": ("e_1", ("energy_per_cycle", "high:d_y", "low:d_y**3", "high:d_phi_M*d_y")),
+    "forced_oscillator": (
+        "omega",
+        (
+            "energy_per_cycle",
+            "high:x*d_x",
+            "mean:dd_x*x",
+            "period",
+            "rms:x",
+            "crest:x",  # its least and its largest value have one modulus, and one derivative
+            "harmonic:x",
+            "phase:x",
+            "relative_phase:x",
+            "stick_fraction",
+        ),
+    ),
+    "plate_compactor": ("m", ("energy_per_cycle", "energy_per_distance", "harmonic:x")),
+    "woodpecker": (
+        "e_1",
+        (
+            "energy_per_cycle",
+            "high:d_y",
+            "low:d_y**3",
+            "high:d_phi_M*d_y",
+            "rms:d_y",
+            "crest:d_phi_M",
+            "harmonic:y",  # which falls
+            "stick_fraction",
+        ),
+    ),
     "prandtl_tomlinson": ("k", ("energy_per_distance", "mean:k*(X - x)", "high:k*(X - x)")),
-    "two_leg_crawler": ("k", ("energy_per_cycle", "speed", "high:energy")),
-    "jenkins_oscillator": ("P", ("energy_per_cycle", "energy_per_cycle:damper")),
-    "planar_jenkins": ("omega", ("energy_per_cycle", "energy_per_cycle:damper")),
+    "two_leg_crawler": (
+        "k",
+        ("energy_per_cycle", "speed", "high:energy", "harmonic:x_1", "stick_fraction"),
+    ),
+    "jenkins_oscillator": (
+        "P",
+        (
+            "energy_per_cycle",
+            "energy_per_cycle:damper",
+            "relative_phase:x",
+            "stick_fraction:damper",
+        ),
+    ),
+    "planar_jenkins": (
+        "omega",
+        ("energy_per_cycle", "energy_per_cycle:damper", "harmonic:x", "relative_phase:x"),
+    ),
 }
 
 
@@ -44,6 +91,12 @@ def measured(cycle: ss.Cycle, measure: str) -> float:
         return cycle.mean(of)
     if name == "cost_of_transport":
         return cycle.cost_of_transport(of)
+    if name == "stick_fraction":
+        sums = cycle.trajectory.audit.sums
+        total = float(sums.total[STUCK]) if not of else cycle.contacts[of].stick_time
+        return total / float(sums.total[LASTED])
+    if name in ("rms", "crest", "harmonic", "phase", "relative_phase"):
+        return RULES[name](cycle.trajectory, of)
     return getattr(cycle, name)
 
 
@@ -117,6 +170,12 @@ def test_bad_input() -> None:
         "energy_per_cycle:shoe": "unknown contact",
         "mean:abs(d_x)": "it has a kink that the motion does not have",
         "cost_of_transport:x": "x",
+        "stick_fraction:shoe": "unknown contact",
+        "phase:x": "no drive",
+        "harmonic:V": "no first harmonic",
+        "rms:x - x": "zero throughout",
     }.items():
         with pytest.raises(ss.DeclarationError, match=reason):
             cycle.sensitivity(["V"], of=[measure])
+    with pytest.raises(ss.DeclarationError, match="does not depend on the initial state"):
+        cycle.sensitivity(["x"])

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from orbits.examples import SLIDER, dragged, isola, stribeck_belt
-from stickslip import Contact, Inertial, System, Viscous, catalogue, simulate
+from stickslip import Contact, Inertial, System, Table, Viscous, catalogue, simulate, sweep
 from stickslip.errors import ConvergenceError
 from stickslip.model.system import Internal
+from stickslip.motion.outcome import Outcome
 from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.cycles.lyapunov import largest_exponent
 from stickslip.orbits.fields.mode_field import Pieces
@@ -291,3 +292,24 @@ def test_what_may_be_moved_along_several_axes_is_settled(n: int) -> None:
     )
     with pytest.raises(ConvergenceError, match="the motion comes to rest"):
         find_cycle(system, simulate(system, (0.0, 20.0)))
+
+
+def test_an_equilibrium_at_a_knot() -> None:
+    """Around a knot of a table an oscillation that dies out has events without end. It became so
+    small that its period was halved for ever."""
+    speeds, values = [0.0, 0.1, 0.2, 0.35, 0.75], [0.46, 0.379, 0.338, 0.312, 0.299]
+    pad = System(
+        "pad",
+        parameters=parameters(V=0.2, N=2.0),
+        tables={"mu": Table(speeds, values, kind="pchip")},
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="200*x**2",
+        viscous="0.3*d_x**2",
+        contacts={"disc": Contact("d_x", "0.46*N", "V", kinetic="N*mu(speed)")},
+        span=(0.0, 10.0),
+    )
+    found = sweep(pad, {"V": [0.2, 0.21, 0.35]}, ["amplitude:x"], time_limit=60.0)
+    assert np.all(found["outcome"].values == Outcome.STEADY.code)
+    assert found.certificate.ok
+    assert np.all(found["amplitude:x"].values < 1e-9)

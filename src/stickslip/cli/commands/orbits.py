@@ -74,14 +74,24 @@ def events_command(
         float | None,
         typer.Option("--faster-than", metavar="RATE", help="Rate above which an event is counted."),
     ] = None,
+    above: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--above",
+            metavar="QUANTITY=LEVEL",
+            help="Output, or another quantity, and the level above which an event is counted; may "
+            "be repeated.",
+        ),
+    ] = None,
     *,
     output: ResultOptions,
 ) -> None:
     """List the slip events of a stored motion: start, duration, size, energy.
 
     An event begins with the first slip after all contacts have been sticking, and ends when all
-    stick again; with --faster-than, it lasts while some coordinate is faster. Writes catalogue.nc,
-    catalogue.csv, summary.json and overview.png into the folder DIR.
+    stick again; with --faster-than, it lasts while some coordinate is faster; with --above, while a
+    quantity is above its level. Writes catalogue.nc, catalogue.csv, summary.json and overview.png
+    into the folder DIR.
 
     Exit code: 0 listed and certified, 1 not, 2 wrong input.
     """
@@ -92,9 +102,10 @@ def events_command(
     if not isinstance(motion, Trajectory):
         reason = f"contains {named(motion.KIND)}, not a motion"
         raise DeclarationError(str(file), reason, "Give a file written by 'stickslip run'")
+    levels = given(above, "--above")
 
     def work(progress: ShowProgress) -> EventCatalogue:
-        return motion.event_catalogue(faster_than=faster_than)
+        return motion.event_catalogue(faster_than=faster_than, above=levels)
 
     present("events", motion.system.name, EVENT_FILES, work, output)
 

@@ -135,9 +135,9 @@ def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
     return {name: float(value) for name, value in given.items()}
 
 
-def given(initial: Iterable[str] | None) -> dict[str, float] | None:
-    """Initial values of ``--initial``; None if there are none."""
-    return numbers(assignments(initial or [], "--initial"), "--initial") or None
+def given(texts: Iterable[str] | None, option: str = "--initial") -> dict[str, float] | None:
+    """Numbers by name, such as the initial values of ``--initial``; None if there are none."""
+    return numbers(assignments(texts or [], option), option) or None
 
 
 def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]]:

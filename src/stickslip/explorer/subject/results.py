@@ -8,6 +8,7 @@ import numpy as np
 
 from stickslip.display.symbols import unicode_unit
 from stickslip.explorer.asking.answer import Answer
+from stickslip.orbits.continuation.branch import KNOT
 
 if TYPE_CHECKING:
     from stickslip.results import Result
@@ -72,6 +73,7 @@ def curves_of(result: Result, name: str) -> Answer:
         "special": [
             {key: point[key] for key in ("kind", "value", "index", "text")}
             for point in result._said.facts().get("special", ())
+            if point["kind"] != KNOT
         ],
     }
     return Answer(head, {f"b:{key}": np.asarray(c.values, float) for key, c in curves.items()})

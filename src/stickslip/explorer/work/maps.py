@@ -62,7 +62,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         values = data[measure].transpose(y, x)
         outcome = data["outcome"].transpose(y, x)
         said = values.attrs
-        scale = colour_scale(measure, values.values)
+        scale = colour_scale(measure, values.values, said)
         codes = np.unique(outcome.values)
         head: dict[str, Any] = {
             "part": "map",

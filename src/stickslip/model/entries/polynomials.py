@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
@@ -24,6 +24,7 @@ from stickslip.numerics.levels import ONE_ULP, ROUNDED_TERM
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
+from stickslip.symbolic.pieces import shown
 
 if TYPE_CHECKING:
     from stickslip.machine_code.objects import Provider
@@ -369,6 +370,23 @@ def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
         return ""
     end = f"begins at {ends[0]:.9g}" if x <= ends[0] + near else f"ends at {ends[1]:.9g}"
     return f"{x:.9g}, and '{row.called}' {end}"
+
+
+def ends_of_tables(
+    guards: Iterable[Expr], speeds: Mapping[str, Expr], values: Mapping[str, float]
+) -> list[str]:
+    """Tables that are at an end, or beyond it, and what they are asked for.
+
+    Parameters
+    ----------
+    speeds : mapping of str to Expr
+        Of contacts, by the names that formulas have for them.
+    """
+    found = list[str]()
+    for guard in filter(is_bounded, guards):
+        if said := beyond_an_end(ex.substitute(guard, speeds), values):
+            found.append(f"{shown(guard.args[0])} = {said}")
+    return found
 
 
 @lru_cache(maxsize=4096)

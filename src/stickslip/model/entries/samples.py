@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 SampleKind = Literal["linear", "cubic", "hold"]
 SAMPLE_KINDS: tuple[SampleKind, ...] = ("linear", "cubic", "hold")
 _LISTED = 50  # samples that a model file lists
+_EVEN = 0.9  # part of the steps of a record that are alike where it is one of even steps
+_ALIKE = 0.01  # relative
+_GAP = 1.5  # steps, from which on something is missing
 _STORED = 200_000  # … and that it holds
 _MOST_NOISE = 50_000_000  # samples
 _FINEST = 1e-12  # part of the largest time that two samples are apart at least
@@ -97,7 +100,7 @@ class Samples(TimeFunction):
         periodic: bool = False,
         *,
         where: str = "samples",
-        source: Mapping[str, str] | None = None,
+        source: Mapping[str, Any] | None = None,
         unit: str = "",
     ) -> None:
         if kind not in SAMPLE_KINDS:
@@ -119,7 +122,7 @@ class Samples(TimeFunction):
         self.values: Array = y
         self.kind: SampleKind = kind
         self.periodic: bool = bool(periodic)
-        self.source: dict[str, str] = dict(source or {})
+        self.source: dict[str, Any] = dict(source or {})
         self.unit: str = check_unit(unit, f"{where}, unit")
 
     @classmethod
@@ -134,6 +137,7 @@ class Samples(TimeFunction):
         *,
         name: str = "",
         unit: str = "",
+        gaps: bool = False,
     ) -> Samples:
         """Read samples from two columns of a text file.
 
@@ -150,6 +154,9 @@ class Samples(TimeFunction):
             As in :class:`Samples`.
         name : str
             Name of the values, such as that of a drive.
+        gaps : bool
+            Whether samples at otherwise constant steps may have gaps, which are then interpolated.
+            Values that are held (``kind="hold"``) may have gaps in any case.
 
         Raises
         ------
@@ -166,7 +173,11 @@ class Samples(TimeFunction):
             checked(t, y, str(file))
         except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
-        source = {"file": str(file), "time": time, "value": value}
+        source: dict[str, Any] = {"file": str(file), "time": time, "value": value}
+        if gaps:
+            source["gaps"] = True
+        elif kind != "hold":
+            _check_gaps(t, str(file))
         return cls(t, y, kind, periodic, where=str(file), source=source, unit=unit)
 
     # -- what they are -----------------------------------------------------------------------------
@@ -273,9 +284,9 @@ class Samples(TimeFunction):
         Parameters
         ----------
         table : mapping
-            With ``file`` (relative to the folder), ``time`` and ``value``; or ``times`` and
-            ``values``; or ``packed``. Optionally with ``kind``, ``periodic`` and the ``unit`` of
-            the values.
+            With ``file`` (relative to the folder), ``time``, ``value`` and ``gaps``; or ``times``
+            and ``values``; or ``packed``. Optionally with ``kind``, ``periodic`` and the ``unit``
+            of the values.
         where : str
             The key, for messages.
         folder : path
@@ -286,7 +297,7 @@ class Samples(TimeFunction):
         ------
         DeclarationError
         """
-        ways = (("file", "time", "value"), ("times", "values"), ("packed",), ("digest",))
+        ways = (("file", "time", "value", "gaps"), ("times", "values"), ("packed",), ("digest",))
         way = next((w for w in ways if w[0] in table), None)
         if way is None:
             raise DeclarationError(
@@ -304,10 +315,15 @@ class Samples(TimeFunction):
             raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
         unit = unit_entry(table, where)
         if way[0] == "file":
-            file, time, value = (table.get(key, "") for key in way)
+            file, time, value = (table.get(key, "") for key in way[:3])
+            gaps = table.get("gaps", False)
+            if not isinstance(gaps, bool):
+                raise DeclarationError(f"{where}.gaps", "not true or false", "Write true or false")
             if not all(isinstance(part, str) for part in (file, time, value)):
                 raise DeclarationError(where, "a name is not a string", 'Write it like time = "t"')
-            found = cls.read(folder / file, time, value, kind, periodic, name=name, unit=unit)
+            found = cls.read(
+                folder / file, time, value, kind, periodic, name=name, unit=unit, gaps=gaps
+            )
         elif way[0] == "times":
             t, y = table["times"], table.get("values", ())
             found = cls(t, y, kind, periodic, where=where, unit=unit)
@@ -449,6 +465,25 @@ def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
 
 
 # -- reading ---------------------------------------------------------------------------------------
+
+
+def _check_gaps(times: Array, where: str) -> None:
+    """Refuse a record of even steps in which samples are missing."""
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    wide = np.flatnonzero(steps > _GAP * step)
+    even = np.mean(np.abs(steps - step) <= _ALIKE * step)
+    if not len(wide) or even < _EVEN:
+        return
+    k = int(wide[0])
+    more = f", and {len(wide) - 1} more gaps" if len(wide) > 1 else ""
+    raise DeclarationError(
+        where,
+        f"the time step is {step:.6g}, but there is no sample between {times[k]:.9g} and "
+        f"{times[k + 1]:.9g}{more}",
+        "Fill the gap, or interpolate it with gaps=True (in a model file gaps = true, --gaps for "
+        "many records)",
+    )
 
 
 def unit_entry(table: Mapping[str, Any], where: str) -> str:

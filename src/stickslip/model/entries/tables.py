@@ -162,8 +162,9 @@ class Table:
         if self.formulas and self.kind == "pchip":
             raise DeclarationError(
                 f"{where}, kind",
-                '"pchip" is not available for values that are formulas',
-                'Write "linear" or "cubic", or give numbers',
+                '"pchip" is not available for values that are formulas, because its slopes have '
+                "kinks as functions of the values",
+                'Write kind = "linear" or "cubic", or give numbers',
             )
         if len(self.formulas) > _MOST_FORMULAS:
             raise DeclarationError(

@@ -14,8 +14,7 @@ from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN, Knots
-from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import boundary
+from stickslip.symbolic.pieces import boundary, is_smooth_knot
 
 if TYPE_CHECKING:
     import pandas
@@ -172,9 +171,7 @@ class Switches:
         """Changes of the regions of all kinks but those of samples and smooth tables, and those
         that are guards of jumps alone."""
         equations = self.equations
-        rows = {g: FUNCTIONS[g.op] for g in equations.kinks if g.op in FUNCTIONS}
-        sampled = {g for g, row in rows.items() if row.sampled and not row.kinked}
-        left_out = sampled | equations.guards_alone
+        left_out = {*filter(is_smooth_knot, equations.kinks)} | equations.guards_alone
         counted = [guard not in left_out for guard in equations.kinks]
         return np.diff(self.knots.region, axis=0) * np.array(counted, int)
 

@@ -151,17 +151,17 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     trial, after, distance = found
     if is_open(after) and not _well_inside(chart, x):
         return None
-    contacts = list(chart.shooting.pieces.equations.labels)
+    equations = chart.shooting.pieces.equations
     further = max(distance, _THERE)
     trial = y + there.scale(y) * towards * further
     edge = _carried(there, y, towards, trial, after, further)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)
         kind = "slip onset"
-        name = contacts[edge[0]]
+        name = equations.labels[edge[0]]
         note = f"contact '{name}' begins to slip in one direction, which shifts its rest position"
     else:
-        kind, note = change_of(contacts, here, after)
+        kind, note = change_of(equations, here, after)
         onward = None if is_open(after) else _onward(there, y, towards, trial, here)
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
     rays = (chart, x, tangent), (there, y, towards)
@@ -179,7 +179,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
             onward = _onward(there, y, towards, trial, here, _NEARER)
     if edge is None and onward is not None:
         # Just beyond, a phase may be gone whose twin is only too short a little later.
-        kind, note = change_of(contacts, here, sequence(onward.chart.orbit(onward.x).motion))
+        kind, note = change_of(equations, here, sequence(onward.chart.orbit(onward.x).motion))
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)

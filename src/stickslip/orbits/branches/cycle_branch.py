@@ -146,8 +146,9 @@ def continue_cycle(
           ``"torus"``, ``"branch point"``;
         - ``"stick onset"`` (a contact begins or ceases to stick), ``"grazing"`` (a phase
           appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
-          then on sticks throughout at a constant position), ``"sequence change"`` (any other),
-          ``"loss of the cycle"`` (it ends at a change);
+          then on sticks throughout at a constant position), ``"knot"`` (the same at a knot of a
+          smooth table), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a
+          change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 

@@ -4,7 +4,7 @@ equilibria."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
@@ -19,12 +19,13 @@ from stickslip.equations.field import Guard, switched
 from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
+from stickslip.model.entries.polynomials import ends_of_tables
 from stickslip.model.system import System
 from stickslip.motion.problem import checked_values
 from stickslip.numerics.levels import NEARLY_SOLVED, RANK, ROUNDED_SUM
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.equilibria_along import Station, dataset
-from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
+from stickslip.orbits.continuation.branch import KNOT, SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
@@ -58,12 +59,15 @@ from stickslip.orbits.fields.steady import (
 )
 from stickslip.stopping.scopes import limited
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.pieces import is_smooth_knot
 
 if TYPE_CHECKING:
     pass
 
 _STEPS = StepControl(first=0.005, largest=0.02)
-_MOST_PIECES = 50
+MOST_PIECES = 50
+"""Modes and regions that a branch of equilibria passes at most."""
+_AHEAD = 1e-3  # part of a first step, over which the guards beyond a boundary are compared
 _REAL = 1e-8  # imaginary part, relative to an eigenvalue, that is rounding: √ε where two meet
 
 
@@ -106,7 +110,7 @@ def continue_equilibrium(
         In both directions from the start, through folds and mode changes. ``special`` has the kinds
         ``"fold"``, ``"Hopf"`` (with ``frequency`` and ``lyapunov``, the first Lyapunov coefficient,
         see :class:`~stickslip.orbits.equilibria.normal_form.Hopf`), ``"branch point"`` and
-        ``"boundary equilibrium"``.
+        ``"boundary equilibrium"``, or ``"knot"`` at one of a smooth table.
 
     Raises
     ------
@@ -252,7 +256,7 @@ class _Follower:
             guard = self._guard_that_ended(piece)
             end = path.points[-1]
             beyond = None if guard is None else self._beyond(start.of, guard, end)
-            if beyond is None or len(pieces) == _MOST_PIECES:
+            if beyond is None or len(pieces) == MOST_PIECES:
                 return self._ending(piece)
             return self._start(beyond[0], end.x, beyond[1])
 
@@ -346,26 +350,18 @@ class _Follower:
         except ZeroDivisionError:
             return None
         F, J = other.residual(self.parameter)(end.x)
-        size = np.abs(J) @ self._scale(end.x, other.units(end.x, {self.parameter: self.span}))
-        rows = ratio(J, np.max(np.abs(J), axis=1, keepdims=True))
-        # The null vector of the Jacobian is the tangent of the equilibria in the other field.
-        s, v = np.linalg.svd(rows)[1:]
-        if not (np.all(np.abs(F) <= NEARLY_SOLVED * size) and s[-1] > RANK * s[0]):
-            return None
-        tangent = v[-1]
-        ahead = self.steps.first * 1e-3
-        for sign in (1.0, -1.0):
-            x = end.x + sign * ahead * self.width * tangent
-            guards = other.guards(self._point(other, x))
-            here = other.guards(self._point(other, end.x))
-            back = [
-                i
-                for i, g in enumerate(other.field.guards)
-                if g.switch == guard.switch and guards[i] > here[i]
-            ]
-            if back and all(g >= 0.0 or i in back for i, g in enumerate(guards)):
-                return other, sign * tangent
-        return None
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return None  # a table ends there
+        tangent = tangent_beyond(
+            other,
+            guard,
+            lambda x: self._point(other, x),
+            (end.x, F, J),
+            self._scale(end.x, other.units(end.x, {self.parameter: self.span})),
+            np.full(len(end.x), self.width),
+            self.steps,
+        )
+        return None if tangent is None else (other, tangent)
 
     # -- results -----------------------------------------------------------------------------------
 
@@ -402,7 +398,12 @@ class _Follower:
         guard = self._guard_that_ended(piece)
         if guard is None:
             return piece.path.ended
-        where = f"{self.parameter} = {piece.path.points[-1].x[-1]:.9g}"
+        x = piece.path.points[-1].x
+        where = f"{self.parameter} = {x[-1]:.9g}"
+        state = zip(piece.steady.field.state, x[:-1].tolist(), strict=True)
+        values = {**self.values, self.parameter: float(x[-1]), **dict(state)}
+        if said := ends_of_tables(self.eq.kinks, self.eq.speeds, values):
+            return piece.path.ended._replace(text=f"outside of a table at {where} ({said[0]})")
         what = describe_guard(self.eq, guard, piece.steady.field.mode)
         text = f"boundary equilibrium at {where}: {what}"
         return piece.path.ended._replace(text=text)
@@ -454,7 +455,9 @@ class _Follower:
         x = station.point.x
         data = {}
         period = None
-        kind, note = ("boundary equilibrium", station.note) if isinstance(test, int) else (test, "")
+        kind, note = boundary_kind(self.eq, steady, test), ""
+        if isinstance(test, int):
+            note = station.note
         solved = station.certified[0]["equations"]
         own = [replace(solved, limit=SOLVED_TO)]
         if isinstance(test, int):
@@ -526,6 +529,56 @@ class _Follower:
         # At a branch point b = 0.
         left = np.append(np.abs(values) / np.where(terms > 0.0, terms, 1.0), abs(z[-1]))
         return z[: n + 1], float(np.max(left))
+
+
+def tangent_beyond(
+    other: Steady,
+    guard: Guard,
+    point: Callable[[Array], Array],
+    at: tuple[Array, Array, Array],
+    units: Array,
+    widths: Array,
+    steps: StepControl,
+) -> Array | None:
+    """The direction in which a curve continues beyond a guard, if it does.
+
+    Parameters
+    ----------
+    other : Steady
+        On the other side.
+    point : callable
+        Unknowns -> state and parameters.
+    at : tuple of arrays
+        The unknowns at the guard, and values and Jacobian of the equations of the other side.
+    units, widths : arrays
+        Lengths that count in the unknowns, and those of a step.
+    """
+    x, F, J = at
+    rows = ratio(J * widths, np.max(np.abs(J * widths), axis=1, keepdims=True))
+    # The null vector of the Jacobian is the tangent of the solutions in the other field.
+    s, v = np.linalg.svd(rows)[1:]
+    if not (np.all(np.abs(F) <= NEARLY_SOLVED * (np.abs(J) @ units)) and s[-1] > RANK * s[0]):
+        return None
+    tangent = widths * v[-1]
+    here = other.guards(point(x))
+    for sign in (1.0, -1.0):
+        guards = other.guards(point(x + sign * _AHEAD * steps.first * tangent))
+        back = [
+            i
+            for i, g in enumerate(other.field.guards)
+            if g.switch == guard.switch and guards[i] > here[i]
+        ]
+        if back and all(g >= 0.0 or i in back for i, g in enumerate(guards)):
+            return sign * tangent
+    return None
+
+
+def boundary_kind(equations: MotionEquations, steady: Steady, test: Test) -> str:
+    """The kind of the special point at which a test function vanishes."""
+    if not isinstance(test, int):
+        return test
+    switch, kinks = steady.field.guards[test].switch, equations.kinks
+    return KNOT if switch < len(kinks) and is_smooth_knot(kinks[switch]) else "boundary equilibrium"
 
 
 @cache

@@ -14,17 +14,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import count, groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.field import switched
 from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.motion.problem import checked_values
-from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
+from stickslip.numerics.levels import ROUNDED_SUM
+from stickslip.orbits.branches.equilibrium_branch import (
+    MOST_PIECES,
+    boundary_kind,
+    checked_range,
+    hopf_test,
+    tangent_beyond,
+)
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.corrector import Lost
@@ -98,7 +108,7 @@ def hopf_curve(
         If an argument is wrong.
     """
     curve = _posed(system, "Hopf", point, (first, second), ranges)
-    return curve.branch(system, "Hopf points", _hopf_problem(curve), steps or _STEPS)
+    return curve.branch(system, "Hopf points", _hopf_problem, steps or _STEPS)
 
 
 @validated
@@ -148,7 +158,7 @@ def fold_curve(
             ),
         )
     curve = _posed(system, "fold", point, (first, second), ranges)
-    return curve.branch(system, "folds", _fold_problem(curve), steps or _STEPS)
+    return curve.branch(system, "folds", _fold_problem, steps or _STEPS)
 
 
 def _posed(
@@ -188,14 +198,9 @@ def _posed(
                 "Choose a range that includes it",
             )
     y = np.array([point.state[name] for name in system.declaration.state])
-    steady = Steady(
-        mode_field(equations, point.mode, point.region),
-        values,
-        invariant_directions(equations, values, y),
-        y,
-    )
-    guards = [describe_guard(equations, g, point.mode) for g in steady.field.guards]
-    return _Curve(steady, y, spans, guards)
+    invariant = invariant_directions(equations, values, y)
+    steady = Steady(mode_field(equations, point.mode, point.region), values, invariant, y)
+    return _Curve(equations, steady, y, spans)
 
 
 @dataclass(frozen=True)
@@ -230,15 +235,50 @@ class _Extended:
         """Lengths that count in the unknowns."""
         return np.append(np.maximum(np.abs(x[:-2]), self.least[:-2]), self.least[-2:])
 
+    def settled(self, x: Array) -> Array:
+        """Unknowns with components that are only rounding set to zero."""
+        return np.where(np.abs(x) <= ROUNDED_SUM * self.least, 0.0, x)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point of a curve, the test functions that vanish there, and whether it continues beyond."""
+
+    curve: _Curve
+    problem: _Extended
+    x: Array
+    tests: tuple[Test, ...] = ()
+    continues: bool = False
+
+    @property
+    def certificate(self) -> Certificate:
+        """What was measured of it."""
+        return self.curve.certificate(self.x, self.problem)
+
+    def test(self, test: Test) -> float:
+        """The value of a test function."""
+        if isinstance(test, int):
+            return float(self.curve.steady.guards(self.curve.point(self.x))[test])
+        return self.problem.tests(self.x)[test]
+
+
+_Pose = Callable[["_Curve"], _Extended]
+
 
 @dataclass(frozen=True)
 class _Curve:
-    """Start and range of a curve."""
+    """Start of a curve in a mode and region, and its range."""
 
+    equations: MotionEquations
     steady: Steady
     y: Array
     spans: dict[str, tuple[float, float]]
-    guards: list[str]
+
+    @property
+    def guards(self) -> list[str]:
+        """What each guard keeps."""
+        field = self.steady.field
+        return [describe_guard(self.equations, g, field.mode) for g in field.guards]
 
     @property
     def n(self) -> int:
@@ -273,51 +313,94 @@ class _Curve:
 
     # -- following ---------------------------------------------------------------------------------
 
-    def branch(self, system: System, kind: str, problem: _Extended, steps: StepControl) -> Branch:
-        """Both ways from the start."""
-        paths: list[Path] = []
+    def branch(self, system: System, kind: str, pose: _Pose, steps: StepControl) -> Branch:
+        """Both ways from the start, through kinks at which the equations stay continuous."""
+        problem = pose(self)
+        tangents: list[Array] = []
 
-        def side(sign: float) -> tuple[list[Path], Ending]:
+        def side(sign: float) -> tuple[list[_Place], Ending]:
             towards = np.zeros(len(problem.start))
             towards[-2] = 1.0
-            along = -paths[0].points[0].tangent if paths else towards
+            along = -tangents[0] if tangents else towards
+            places: list[_Place] = []
+            modes = count(1)
 
-            def onward(start: Start[_Extended], path: Path) -> Ending:
-                paths.append(path)
-                return path.ended
+            def onward(start: Start[_Place], path: Path) -> Start[_Place] | Ending:
+                tangents.append(path.points[0].tangent)
+                beyond = start.of.curve.beyond(path, start.of.problem, pose, steps)
+                if next(modes) == MOST_PIECES:
+                    beyond = None
+                # The first point of a later stretch is the last one of the stretch before.
+                found = _places(start.of, path, beyond is not None)
+                places.extend(found[1 if places else 0 :])
+                return path.ended if beyond is None else beyond
 
-            before = len(paths)
-            start = Start(problem, self._problem(problem), problem.start, along, steps)
+            start = self.start(problem, along, steps)
             ending = follow_branch(start, onward, "no further point was found")
-            if len(paths) == before:
+            if not places:
                 raise StickslipError(ending.text)
-            return paths[before:], ending
+            return places, ending
 
         back, forth, ends = both_ways(side, 1.0)
-        behind, ahead = ([p for path in paths for p in path.points] for paths in (back, forth))
-        points = [p.x for p in joined(behind, ahead)]
-        start = max(len(behind) - 1, 0)
-        crossings = [(start - c.index, c.name) for path in back for c in reversed(path.crossings)]
-        crossings += [(start + c.index, c.name) for path in forth for c in path.crossings]
-        special = [self._special(name, points, i, problem) for i, name in crossings]
+        places = joined(back, forth)
+        special = [_special(places, i, test) for i, p in enumerate(places) for test in p.tests]
         first, second = self.spans
-        found = worst([self._certificate(x, problem) for x in points])
-        certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
+        found = worst([place.certificate for place in places])
+        inside = in_range(ranges(self.spans), [place.x for place in places])
+        certificate = Certificate((*found.residuals, inside))
         return Branch(
             system,
             dict(self.steady.values),
             first,
-            lambda: self._dataset(system, kind, points, problem),
+            lambda: _dataset(system, kind, places),
             special,
             ends,
             with_special(certificate, special),
             second,
         )
 
-    def _certificate(self, x: Array, problem: _Extended) -> Certificate:
+    def start(self, problem: _Extended, towards: Array, steps: StepControl) -> Start[_Place]:
+        """The stretch in this mode and region."""
+        place = _Place(self, problem, problem.start)
+        return Start(place, self._problem(problem), problem.start, towards, steps)
+
+    def beyond(
+        self, path: Path, problem: _Extended, pose: _Pose, steps: StepControl
+    ) -> Start[_Place] | None:
+        """Where the curve continues on the other side of the guard that has ended a stretch.
+
+        Parameters
+        ----------
+        problem : _Extended
+            On that stretch.
+        """
+        test, x = path.ended.test, problem.settled(path.points[-1].x)
+        if not isinstance(test, int):
+            return None
+        guard = self.steady.field.guards[test]
+        values = self.values(x)
+        try:
+            field = mode_field(self.equations, *switched(self.steady.field, guard.switch, guard.to))
+            other = Steady(field, values, self.steady.invariant, x[: self.n])
+            curve = replace(self, steady=other, y=x[: self.n])
+            posed = pose(curve)
+        except ZeroDivisionError:
+            return None
+        z = posed.start
+        F, J = posed.residual(z)
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return None  # a table ends there
+        units = posed.units(z)
+        tangent = tangent_beyond(other, guard, curve.point, (z, F, J), units, units, steps)
+        return None if tangent is None else curve.start(posed, tangent, steps)
+
+    def certificate(self, x: Array, problem: _Extended) -> Certificate:
         """That of the equilibrium, and what is left of the equations that keep its eigenvalue along
         the curve."""
-        found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(problem.start))
+        # A component that is zero all along the curve, as a rate is, is known to the rounding of
+        # what counts in it, not of itself.
+        beside = np.where(problem.start == 0.0, problem.least, problem.start)
+        found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(beside))
         value, slopes = problem.residual(x)
         terms = np.abs(slopes) @ problem.units(x) + np.abs(value)
         left = float(np.max(np.abs(value) / np.where(terms > 0.0, terms, 1.0)))
@@ -333,7 +416,7 @@ class _Curve:
         Lost
             If it is not.
         """
-        found = self._certificate(new.x, problem)
+        found = self.certificate(new.x, problem)
         if not all(residual.ok for residual in found.residuals if residual.name != "nearest guard"):
             raise Lost(f"the next point is {found.verdict}")
 
@@ -353,9 +436,18 @@ class _Curve:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
+        # Equations of one size: else what is rounded in large ones is added to small ones.
+        _, slopes = problem.residual(problem.start)
+        sizes = np.max(np.abs(slopes * problem.units(problem.start)), axis=1)
+        sizes[sizes == 0.0] = 1.0
+
+        def equations(x: Array) -> tuple[Array, Array]:
+            values, slopes = problem.residual(x)
+            return values / sizes, slopes / sizes[:, None]
+
         boundaries = {i: f"boundary equilibrium: {text}" for i, text in enumerate(self.guards)}
         return CurveProblem(
-            problem.residual,
+            equations,
             problem.units,
             tests,
             {**problem.endings, **boundaries},
@@ -363,58 +455,74 @@ class _Curve:
             lambda last, new: self._accept(last, new, problem),
         )
 
-    # -- results -----------------------------------------------------------------------------------
 
-    def _special(
-        self, test: Test, points: list[Array], index: int, problem: _Extended
-    ) -> SpecialPoint:
-        field, (first, _) = self.steady.field, self.spans
-        x = points[index]
-        kind, note = (
-            ("boundary equilibrium", self.guards[test]) if isinstance(test, int) else (test, "")
+# -- results ---------------------------------------------------------------------------------------
+
+
+def _places(start: _Place, path: Path, continues: bool) -> list[_Place]:
+    """The points of a stretch."""
+    tests: dict[int, list[Test]] = {}
+    for crossing in path.crossings:
+        tests.setdefault(crossing.index, []).append(crossing.name)
+    last = len(path.points) - 1
+    return [
+        replace(
+            start,
+            x=start.problem.settled(p.x),
+            tests=tuple(tests.get(i, ())),
+            continues=continues and i == last,
         )
-        state = dict(zip(field.state, map(float, x[: self.n]), strict=True))
-        data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
-        values = self.values(x)
-        place = (state, values, field.mode, field.region, index)
-        # A test function has no size of its own but what it is at the points beside.
-        beside = [points[i] for i in (index - 1, index + 1) if 0 <= i < len(points)]
-        here, *others = [abs(self._test(test, point, problem)) for point in (x, *beside)]
-        residuals = (
-            replace(self._certificate(x, problem)["extended equations"], limit=SOLVED_TO),
-            Residual(
-                "what vanishes", here / max(others, default=0.0) if any(others) else here, SOLVED_TO
-            ),
-        )
-        return SpecialPoint(kind, first, float(x[-2]), *place, None, data, note, residuals)
+        for i, p in enumerate(path.points)
+    ]
 
-    def _test(self, test: Test, x: Array, problem: _Extended) -> float:
-        """The value of a test function."""
-        if isinstance(test, int):
-            return float(self.steady.guards(self.point(x))[test])
-        return problem.tests(x)[test]
 
-    def _dataset(
-        self, system: System, kind: str, points: list[Array], problem: _Extended
-    ) -> xarray.Dataset:
-        """Parameters, state, numbers of the family, and certificate of every point."""
-        import xarray as xr
+def _special(places: list[_Place], index: int, test: Test) -> SpecialPoint:
+    place = places[index]
+    curve, problem, x = place.curve, place.problem, place.x
+    field, (first, _) = curve.steady.field, curve.spans
+    kind, note = boundary_kind(curve.equations, curve.steady, test), ""
+    if isinstance(test, int):
+        note = curve.guards[test] + ("; the curve continues" if place.continues else "")
+    state = dict(zip(field.state, map(float, x[: curve.n]), strict=True))
+    data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
+    where = (state, curve.values(x), field.mode, field.region, index)
+    # A test function has no size of its own but what it is at the points beside.
+    beside = [places[i] for i in (index - 1, index + 1) if 0 <= i < len(places)]
+    others = [abs(other.test(test)) for other in beside if other.curve is curve]
+    here = abs(place.test(test))
+    residuals = (
+        replace(place.certificate["extended equations"], limit=SOLVED_TO),
+        Residual(
+            "what vanishes", here / max(others, default=0.0) if any(others) else here, SOLVED_TO
+        ),
+    )
+    return SpecialPoint(kind, first, float(x[-2]), *where, None, data, note, residuals)
 
-        xs = np.array(points)
-        sizes = self.steady.sizes(np.array([self.point(x) for x in points]).T)
-        numbers = [problem.numbers(x) for x in points]
-        if problem.beside is not None:
-            numbers = [own | problem.beside(x) for own, x in zip(numbers, points, strict=True)]
-        data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(self.spans)}
-        data |= {name: ("point", xs[:, i]) for i, name in enumerate(self.steady.field.state)}
-        data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
-        data |= {
-            "margin": ("point", np.min(sizes.margins, axis=1, initial=1.0)),
-            "defect": ("point", sizes.defect),
-        }
-        certified = np.array([self._certificate(x, problem).ok for x in points], np.int8)
-        data |= {"certified": ("point", certified)}
-        return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": kind})
+
+def _dataset(system: System, kind: str, places: list[_Place]) -> xarray.Dataset:
+    """Parameters, state, numbers of the family, and certificate of every point."""
+    import xarray as xr
+
+    curve = places[0].curve
+    xs = np.array([place.x for place in places])
+    points = np.array([curve.point(x) for x in xs]).T
+    margin, defect = np.ones(len(places)), np.zeros(len(places))
+    numbers: list[dict[str, float]] = []
+    for _, stretch in groupby(range(len(places)), key=lambda i: id(places[i].curve)):
+        own = list(stretch)
+        first = places[own[0]]
+        sizes = first.curve.steady.sizes(points[:, own], points)
+        margin[own] = np.min(sizes.margins, axis=1, initial=1.0)
+        defect[own] = sizes.defect
+        beside = first.problem.beside or (lambda x: {})
+        numbers += [first.problem.numbers(xs[i]) | beside(xs[i]) for i in own]
+    data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(curve.spans)}
+    data |= {name: ("point", xs[:, i]) for i, name in enumerate(curve.steady.field.state)}
+    data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
+    data |= {"margin": ("point", margin), "defect": ("point", defect)}
+    certified = np.array([place.certificate.ok for place in places], np.int8)
+    data |= {"certified": ("point", certified)}
+    return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": kind})
 
 
 def _hopf_problem(curve: _Curve) -> _Extended:

@@ -115,7 +115,7 @@ class _Passed:
 def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     """A change that lies between two others, or the ends of a step, with what is measured of it."""
     chart = finder.chart
-    kind, note = change_of(list(chart.shooting.pieces.equations.labels), change.here, change.there)
+    kind, note = change_of(chart.shooting.pieces.equations, change.here, change.there)
     if kind == "stick onset":
         change = _onset(finder, change)
     before = _beside(finder, change.place, low, change.here)

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 SOLVED_TO = 1e-10
 """What may be left of the equations of a special point."""
+KNOT = "knot"
+"""The kind of special points at which a smooth table, or samples, pass a knot."""
 _UNMEASURED = Residual("equations that were not measured", 1.0, 0.0)
 
 
@@ -43,7 +45,8 @@ class SpecialPoint:
     Attributes
     ----------
     kind : str
-        Such as ``"Hopf"``, ``"fold"``, ``"branch point"``, ``"boundary equilibrium"``.
+        Such as ``"Hopf"``, ``"fold"``, ``"branch point"``, ``"boundary equilibrium"``; ``"knot"``
+        (of a smooth table or of samples), which pictures and summaries leave out.
     parameter : str
         The parameter of the branch.
     value : float
@@ -227,7 +230,7 @@ class Branch(Result):
         """Summary as rows of text."""
         values = self.points[self.parameter].values
         span = f"{self.parameter} = {values.min():.9g} to {values.max():.9g}"
-        special = [("special point", s.describe()) for s in self.special]
+        special = [("special point", s.describe()) for s in without_knots(self.special)]
         return [("points", f"{len(values)}, {span}"), *shortened(special), ("ended", self.ended)]
 
     def plot(
@@ -262,6 +265,11 @@ class Branch(Result):
     def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
         """The points, which a branch otherwise computes on first access."""
         return {"_table": lambda: data}
+
+
+def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
+    """Special points at which more than a higher derivative changes."""
+    return [s for s in special if s.kind != KNOT]
 
 
 def with_special(points: Certificate, special: Sequence[SpecialPoint]) -> Certificate:

@@ -304,8 +304,10 @@ class Cycle(Result):
         of : sequence of str, optional
             Measures by the names that they have in :func:`stickslip.sweep`: ``"period"``,
             ``"speed:x"``, ``"shift:x"``, ``"state:x"``, ``"low:f"``, ``"high:f"``,
-            ``"amplitude:f"``, ``"mean:f"``, ``"energy_per_cycle"``, ``"energy_per_distance"``,
-            ``"cost_of_transport:m*g"``. f is an output or any formula of quantities of results.
+            ``"amplitude:f"``, ``"mean:f"``, ``"rms:f"``, ``"crest:f"``, ``"harmonic:f"``,
+            ``"phase:f"``, ``"relative_phase:f"``, ``"stick_fraction"``, ``"energy_per_cycle"``,
+            ``"energy_per_distance"``, ``"cost_of_transport:m*g"``. f is an output or any formula of
+            quantities of results.
 
         Raises
         ------

@@ -6,11 +6,11 @@ x lags behind.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
 from stickslip.numerics.levels import COMPUTED_ZERO
@@ -90,8 +90,40 @@ def phase_of_drive(
     DeclarationError
         If it has none.
     """
-    text, formula = drive
-    names = sorted(formula.symbols - {"t"})
+    return float(np.angle(_first_harmonics(system, drive, [drive[1]], values, period)[0]))
+
+
+def drive_slope(
+    system: System,
+    drive: tuple[str, Expr],
+    values: Mapping[str, float],
+    period: float,
+    change: tuple[str, float],
+) -> float:
+    """Derivative of the same with respect to a parameter.
+
+    Parameters
+    ----------
+    change : (str, float)
+        The parameter, and the derivative of the period over the period.
+    """
+    name, stretched = change
+    formula = drive[1]
+    # At a fixed part of the period the time changes as the period does.
+    moved = ex.derivative(formula, name) + stretched * ex.sym("t") * ex.derivative(formula, "t")
+    first, slope = _first_harmonics(system, drive, [formula, moved], values, period)
+    return float((slope / first).imag)
+
+
+def _first_harmonics(
+    system: System,
+    drive: tuple[str, Expr],
+    formulas: Sequence[Expr],
+    values: Mapping[str, float],
+    period: float,
+) -> AnyArray:
+    """First harmonics of a drive, which comes first, and of formulas of the same names."""
+    names = sorted(drive[1].symbols - {"t"})
     known = {**dict.fromkeys(system.declaration.state, 0.0), **values}
     for name in names:
         if name not in known:
@@ -100,15 +132,15 @@ def phase_of_drive(
             )
     t = np.arange(_SAMPLES) / _SAMPLES * period
     table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
-    wave = evaluator([formula], ["t", *names])(table)[0]
-    first = np.mean(wave * np.exp(-2j * np.pi * t / period))
-    if not abs(first) > COMPUTED_ZERO * np.max(np.abs(wave)):
+    waves = evaluator(formulas, ["t", *names])(table)
+    found = np.mean(waves * np.exp(-2j * np.pi * t / period), axis=1)
+    if not abs(found[0]) > COMPUTED_ZERO * np.max(np.abs(waves[0])):
         raise DeclarationError(
             "drive",
-            f"{text} has no harmonic of period {period:.9g}",
+            f"{drive[0]} has no harmonic of period {period:.9g}",
             "Set drive= to the reference of the phases",
         )
-    return float(np.angle(first))
+    return found
 
 
 def relative_phase(phase: Array | float, of_drive: Array | float) -> Array:

@@ -414,5 +414,8 @@ class _Search:
         elif self.failure is not None:
             reached += f"; {self.failure.reached}"
         return ConvergenceError(
-            f"a cycle of {self.problem.system.name}", reached, "Choose a start closer to a cycle"
+            f"a cycle of {self.problem.system.name}",
+            reached,
+            "Choose a start closer to a cycle, or start from a cycle at other parameters, which "
+            "also finds cycles that attract slowly",
         )

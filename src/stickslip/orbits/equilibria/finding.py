@@ -442,7 +442,7 @@ class _Search:
             broken = describe_guard(self.eq, guard, field.mode)
             self.nearest = (
                 margin,
-                f"nearest: {modes} at {state}, beyond the boundary where {broken}",
+                f"nearest: {modes} at {state}, beyond the boundary ({broken})",
             )
 
     def _note_part(

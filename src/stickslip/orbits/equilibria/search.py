@@ -59,6 +59,8 @@ def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tupl
     units = np.maximum(np.abs(origin), 1.0)
     F, J = residual(starts)
     defined = np.all(np.isfinite(F), axis=0) & np.all(np.isfinite(J), axis=(0, 1))
+    if not np.any(defined):
+        return []
     y = _descend(residual, starts[:, defined], units)
     step, rank = _newton_step(residual, y, units)
     for _ in range(_POLISH):

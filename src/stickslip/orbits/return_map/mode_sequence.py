@@ -18,11 +18,14 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.model.entries.keys import NORMAL
 from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
+from stickslip.orbits.continuation.branch import KNOT
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.recurrence import SHORTEST, segments
+from stickslip.symbolic.pieces import boundary, is_smooth_knot
 
 if TYPE_CHECKING:
+    from stickslip.equations.derive import MotionEquations
     from stickslip.motion.trajectory import Trajectory
 
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
@@ -86,10 +89,11 @@ def _canonical(phases: list[ModeAndRegion]) -> Sequence:
     return min(tuple(kept[i:] + kept[:i]) for i in range(len(kept)))
 
 
-def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[str, str]:
+def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> tuple[str, str]:
     """Name of a change of the sequence, and what happens in words."""
+    contacts = equations.labels
     if is_open(after):
-        missed = _difference(contacts, after[-2], after[0])
+        missed = _difference(equations, after[-2], after[0])
         return LOSS, f"the motion no longer returns to the phase in which it starts: {missed}"
     for i, name in enumerate(contacts):
         if not name.startswith(NORMAL):
@@ -119,7 +123,9 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     touched = _excursions(many, few)
     if touched:
         kind = "grazing impact" if any(_IMPACT in mode for _, (mode, _) in touched) else "grazing"
-        return kind, ", ".join(dict.fromkeys(_difference(contacts, a, b) for a, b in touched))
+        if all(_at_smooth_knots(equations, a, b) for a, b in touched):
+            kind = KNOT
+        return kind, ", ".join(dict.fromkeys(_difference(equations, a, b) for a, b in touched))
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
 
 
@@ -142,13 +148,21 @@ def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, Mode
     return found.get(few, [])
 
 
+def _at_smooth_knots(equations: MotionEquations, a: ModeAndRegion, b: ModeAndRegion) -> bool:
+    """Whether two phases differ by smooth knots alone."""
+    passed = [g for g, m, n in zip(equations.kinks, a[1], b[1], strict=True) if m != n]
+    return a[0] == b[0] and all(map(is_smooth_knot, passed))
+
+
 def _phases(s: Sequence) -> str:
     return "1 phase" if len(s) == 1 else f"{len(s)} phases"
 
 
-def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
+def _difference(equations: MotionEquations, a: ModeAndRegion, b: ModeAndRegion) -> str:
     """Difference of two phases."""
     from stickslip.equations.field import mode_name
+
+    contacts = equations.labels
 
     def said(contact: str, m: int, n: int) -> str:
         if not contact:
@@ -163,8 +177,8 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
 
     modes = [said(c, m, n) for c, m, n in zip(contacts, a[0], b[0], strict=True) if m != n]
     kinks = [
-        f"kink {j + 1} is touched"
-        for j, (m, n) in enumerate(zip(a[1], b[1], strict=True))
+        f"{boundary(guard)} is touched"
+        for guard, m, n in zip(equations.kinks, a[1], b[1], strict=True)
         if m != n
     ]
     return ", ".join(dict.fromkeys([*modes, *kinks]))

@@ -85,8 +85,11 @@ def cycle_sensitivity(
 
     for name in names:
         if name not in cycle.parameters:
-            remedy = suggestion(name, cycle.parameters)
-            raise DeclarationError(f"sensitivity: {name}", "unknown parameter", remedy)
+            reason, remedy = "unknown parameter", suggestion(name, cycle.parameters)
+            if name in cycle.system.declaration.state:
+                reason = "a cycle does not depend on the initial state"
+                remedy = "Give parameters, or use trajectory.sensitivity"
+            raise DeclarationError(f"sensitivity: {name}", reason, remedy)
     if not cycle.differentiable:
         raise DeclarationError(
             "sensitivity",

@@ -1,12 +1,15 @@
 """Derivatives of the measures of a cycle with respect to parameters.
 
 An integral over a period, I = ∫ g dt, changes by ∫ (∇g·δy + g_p) dt, by g at the end times the
-change of the period, and at an event that comes δt later by (g⁻ − g⁺) δt. What is dissipated is
-what is supplied less the gain of energy, so impacts need no term of their own.
+change of the period, and at an event that comes δt later by (g⁻ − g⁺) δt. Harmonics are such
+integrals, whose frequency changes with the period, and time in stick is one of a constant. What is
+dissipated is what is supplied less the gain of energy, so impacts need no term of their own.
 """
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,7 +21,10 @@ from stickslip.errors import ConvergenceError, DeclarationError, short, suggesti
 from stickslip.kept import cached_property
 from stickslip.model.quantities import contact_key
 from stickslip.motion.between.formulas import Along
-from stickslip.orbits.cycles import measure
+from stickslip.motion.modes.guards import resting, stands
+from stickslip.numerics.levels import SAME_VALUE
+from stickslip.orbits.cycles import measure, over_period
+from stickslip.orbits.cycles.drive_phase import drive_slope, read_drive
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.return_map.slopes import CycleSlope, cycle_slope
 from stickslip.orbits.sensitivities.extremes import Traced, slopes_of_extremes, until
@@ -51,8 +57,9 @@ def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dic
         Parameters.
     of : sequence of str
         Measures, by the names that they have in maps: ``period``, ``speed``, ``shift:x``,
-        ``state:x``, ``low:f``, ``high:f``, ``amplitude:f``, ``mean:f``, ``energy_per_cycle``,
-        ``energy_per_distance`` and ``cost_of_transport:w``.
+        ``state:x``, ``low:f``, ``high:f``, ``amplitude:f``, ``mean:f``, ``rms:f``, ``crest:f``,
+        ``harmonic:f``, ``phase:f``, ``relative_phase:f``, ``stick_fraction``,
+        ``energy_per_cycle``, ``energy_per_distance`` and ``cost_of_transport:w``.
 
     Raises
     ------
@@ -183,18 +190,88 @@ class _Changing:
                 f"the derivative of the integral of {short(observed.name)}",
                 f"its relative accuracy is only {np.max(unknown / total[:, 0]):.1g}",
             )
-        late = self.varied.late[:, 0]
         moved = 0.0
-        for left, right in pairwise(steps.tolist()):
+        for left, right, delay in self._delays():
+            clock = float(k.clock[right])
+            before_it, _, _ = self.looked_at(observed, clock, left)
+            after_it, _, _ = self.looked_at(observed, clock, right)
+            moved += (before_it - after_it) * delay
+        at_end, _, _ = self.looked_at(observed, float(k.clock[-1]), int(steps[-1]))
+        return _Value(float(found[0]), float(found[1]) + moved + at_end * self.slope.period)
+
+    def _delays(self) -> Iterator[tuple[int, int, float]]:
+        """The steps before and after each event between two of them, and by how much later it
+        comes."""
+        late = self.varied.late[:, 0]
+        for left, right in pairwise(np.flatnonzero(np.diff(self.motion.knots.clock) > 0.0)):
             delays = late[left + 1 : right + 1]
             delays = delays[np.isfinite(delays)]
             if len(delays):
-                clock = float(k.clock[right])
-                before_it, _, _ = self.looked_at(observed, clock, left)
-                after_it, _, _ = self.looked_at(observed, clock, right)
-                moved += (before_it - after_it) * float(delays[-1])
-        at_end, _, _ = self.looked_at(observed, float(k.clock[-1]), int(steps[-1]))
-        return _Value(float(found[0]), float(found[1]) + moved + at_end * self.slope.period)
+                yield int(left), int(right), float(delays[-1])
+
+    def time_in(self, counts: Callable[[Array], bool]) -> _Value:
+        """Time in the modes that count."""
+        k = self.motion.knots
+        width = np.diff(k.clock)
+        modes, place = np.unique(k.mode, axis=0, return_inverse=True)
+        inside = np.array([counts(mode) for mode in modes])[place.ravel()].astype(float)
+        slope = sum((inside[a] - inside[b]) * delay for a, b, delay in self._delays())
+        last = np.flatnonzero(width > 0.0)[-1]
+        return _Value(float(inside[:-1] @ width), float(slope + inside[last] * self.slope.period))
+
+    def first_harmonic(self, text: str) -> tuple[complex, complex, float]:
+        """The coefficient c of Re(c exp(iω(t − t₀))), where t₀ is the time at which the period
+        begins, its derivative, and that of ω.
+
+        As in :mod:`stickslip.orbits.cycles.over_period` a drift is left out.
+        """
+        observed = self.observed(text)
+        setting = self.cycle.closed.shooting.setting
+        order = setting.turns if setting.symmetry.driven else 1
+        period = self.period
+        omega = 2.0 * np.pi * order / period.value
+        turning = -omega * period.slope / period.value
+        # ω as a formula of the parameter: what is integrated is differentiated once.
+        moved = ex.sym(self.name) - self.motion.parameters[self.name]
+        angle = (omega + turning * moved) * (ex.sym("t") - float(self.motion.knots.time[0]))
+        shares = [
+            self.integral(Observation(text, observed.formula * ex.call(wave, angle))) / period
+            for wave in ("cos", "sin")
+        ]
+        first, last = self.ends(observed)
+        drift = last - first
+        found, slope = (
+            2.0 * complex(shares[0][i], -shares[1][i]) - 1j * drift[i] / (np.pi * order)
+            for i in (0, 1)
+        )
+        if not abs(found) > SAME_VALUE * (self._size(observed) or 1.0):
+            raise DeclarationError(
+                f"of: {short(text)}",
+                "it has no first harmonic, so amplitude and phase have no derivative",
+                "Choose another quantity",
+            )
+        return found, slope, turning
+
+    def _size(self, observed: Observation) -> float:
+        """Largest absolute value of a quantity."""
+        ends = over_period.extrema(self.motion, {observed.name: observed.formula})
+        return max(map(abs, ends[observed.name]))
+
+    def largest(self, text: str) -> _Value:
+        """Largest absolute value of a quantity."""
+        observed = self.observed(text)
+        (ends,) = over_period.extrema(self.motion, {text: observed.formula}).values()
+        low, high = self.extremes(text)
+        sides = _Value(-ends[0], -low.slope), _Value(ends[1], high.slope)
+        small, large = sorted(sides)
+        alike = large.value - small.value <= SAME_VALUE * large.value
+        if alike and abs(large.slope - small.slope) > _KNOWN * abs(large.slope):
+            raise DeclarationError(
+                f"of: {short(text)}",
+                "its least and its largest value have the same modulus and different derivatives",
+                "Use low or high",
+            )
+        return large
 
     def _summed(self, observed: Observation, begin: Array, width: Array) -> tuple[Array, Array]:
         """Integrals of a quantity and of its derivative at fixed times, and of their moduli, over
@@ -290,6 +367,65 @@ def _mean(c: _Changing, of: str) -> _Value:
     return c.integral(c.observed(of)) / c.period
 
 
+def _root_mean_square(c: _Changing, of: str) -> _Value:
+    observed = c.observed(of)
+    square = c.integral(Observation(observed.name, observed.formula**2)) / c.period
+    if not square.value > 0.0:
+        raise DeclarationError(
+            f"of: {short(observed.name)}",
+            "it is zero throughout, where its root mean square has no derivative",
+            "Choose another quantity",
+        )
+    root = math.sqrt(square.value)
+    return _Value(root, 0.5 * square.slope / root)
+
+
+def _crest(c: _Changing, of: str) -> _Value:
+    size = _root_mean_square(c, of)
+    return c.largest(of) / size
+
+
+def _harmonic(c: _Changing, of: str) -> _Value:
+    found, slope, _ = c.first_harmonic(of)
+    return _Value(abs(found), (slope * found.conjugate()).real / abs(found))
+
+
+def _phase(c: _Changing, of: str) -> _Value:
+    """Of cos(ωt + phase)."""
+    if not c.cycle.closed.shooting.setting.symmetry.driven:
+        raise DeclarationError(
+            f"of: phase:{short(of)}",
+            f"{c.cycle.system.name} has no drive, so a cycle may begin at any time",
+            "Use harmonic",
+        )
+    start = float(c.motion.knots.time[0])
+    found, slope, turning = c.first_harmonic(of)
+    return _Value(cmath.phase(found), (slope / found).imag - turning * start)
+
+
+def _relative_phase(c: _Changing, of: str) -> _Value:
+    own = _phase(c, of)
+    system, values = c.cycle.system, c.motion.parameters
+    name = of or system.declaration.state[0]
+    turn = c.period.value / c.cycle.closed.shooting.setting.turns
+    stretched = c.period.slope / c.period.value
+    drive = drive_slope(system, read_drive(system, name), values, turn, (c.name, stretched))
+    return _Value(np.nan, own.slope - drive)
+
+
+def _stick_fraction(c: _Changing, of: str) -> _Value:
+    """Of the time in which all contacts stick, or one."""
+    problem, system = c.motion._problem, c.cycle.system
+    if of and of not in system.rubbing:
+        raise DeclarationError(
+            f"of: stick_fraction:{short(of)}", "unknown contact", suggestion(of, system.rubbing)
+        )
+    if not of:
+        return c.time_in(lambda mode: stands(problem.rows, mode)) / c.period
+    number = c.equations.numbers[system.rubbing[of][0]]
+    return c.time_in(lambda mode: resting(int(mode[number]))) / c.period
+
+
 def _energy(c: _Changing, of: str) -> _Value:
     """Dissipated energy, in total or by the friction of a contact."""
     if not of:
@@ -326,6 +462,12 @@ _RULES: dict[str, Callable[[_Changing, str], _Value]] = {
     "high": lambda c, of: c.extremes(of)[1],
     "amplitude": _amplitude,
     "mean": _mean,
+    "rms": _root_mean_square,
+    "crest": _crest,
+    "harmonic": _harmonic,
+    "phase": _phase,
+    "relative_phase": _relative_phase,
+    "stick_fraction": _stick_fraction,
     "energy_per_cycle": _energy,
     "energy_per_distance": _energy_per_distance,
     "cost_of_transport": _cost_of_transport,

@@ -16,6 +16,7 @@ import numpy as np
 from stickslip.arguments import check_fields
 from stickslip.arrays import Array, plain_array
 from stickslip.errors import DeclarationError
+from stickslip.model.entries.polynomials import ends_of_tables
 from stickslip.motion.audit.observers import LASTED, STUCK, Sums
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
@@ -352,6 +353,7 @@ class Block:
         if classed:
             self._class_unsettled(loops, exponents, time_limit)
         self._name_rest()
+        self._name_ends_of_tables()
         return Observed(
             marks.outcome,
             self.problem.origin + self.saved.clock[:, NOW],
@@ -424,6 +426,17 @@ class Block:
         slow |= free & np.isfinite(growth) & (growth < -CERTAIN_GROWTH)
         calm = np.where(slow, Outcome.SLOW.code, Outcome.NOT_SETTLED.code)
         marks.outcome[late] = np.where(growth > CERTAIN_GROWTH, Outcome.IRREGULAR.code, calm)
+
+    def _name_ends_of_tables(self) -> None:
+        """What is undefined because a table ends has not begun, and is outside of it."""
+        equations, outcome = self.problem.compiled.equations, self.marks.outcome
+        for i in np.flatnonzero(outcome == Outcome.UNDEFINED.code):
+            t = float(self.problem.origin + self.saved.clock[i, NOW])
+            state = zip(self.problem.compiled.layout.state, self.saved.y[i].tolist(), strict=True)
+            own = zip(self.problem.system.parameters, self.prover.table[i].tolist(), strict=True)
+            values = {**dict(own), **dict(state), "t": t}
+            if ends_of_tables(equations.kinks, equations.speeds, values):
+                outcome[i] = Outcome.OUTSIDE_TABLE.code
 
     def _name_rest(self) -> None:
         """Motions that return after a period of the drive without having moved rest, or slide

@@ -13,7 +13,13 @@ import numpy as np
 
 from stickslip.errors import some
 from stickslip.model.entries.declared import Kind
-from stickslip.model.quantities import described, described_as, quantity, unit_of_measures
+from stickslip.model.quantities import (
+    MEASURABLE,
+    described,
+    described_as,
+    quantity,
+    unit_of_measures,
+)
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
@@ -21,6 +27,7 @@ from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_
 from stickslip.sweeps.request.measures import LACKING, certified_below
 from stickslip.sweeps.request.records import Driven
 from stickslip.sweeps.request.user_measures import REASONS, FormulaMeasure, Measure, variable
+from stickslip.symbolic.enclosures import bounds
 
 NOT_COMPUTED = -1
 INTERPOLATED = -2
@@ -175,6 +182,18 @@ class Plan:
             for row, name in enumerate(axis.names)
         }
 
+    def _ends(self, measure: FormulaMeasure) -> dict[str, float]:
+        """Bounds of a formula that follow from those of its measures and parameters."""
+        ranges: dict[str, tuple[float, float]] = {}
+        for name in measure.expression.symbols:
+            if (known := self.system.declaration.ranges.get(name)) is not None:
+                ranges[name] = known.low, known.high
+            elif (said := MEASURABLE.get(name.partition(":")[0])) is not None:
+                low, high = said.least, said.most
+                ranges[name] = -np.inf if low is None else low, np.inf if high is None else high
+        ends = zip(("valid_min", "valid_max"), bounds(measure.expression, ranges), strict=True)
+        return {key: float(end) for key, end in ends if np.isfinite(end)}
+
     def variables(self) -> dict[str, tuple[str, float, dict[str, Any]]]:
         """Type, value where nothing is known, and attributes of everything that is stored of a
         point.
@@ -187,16 +206,11 @@ class Plan:
             if isinstance(measure, str):
                 found[name] = ("f8", np.nan, described(self.system, measure))
                 continue
-            unit = (
-                unit_of_measures(self.system, measure.expression)
-                if isinstance(measure, FormulaMeasure)
-                else "1"
-            )
-            found[name] = (
-                "f8",
-                np.nan,
-                {**described_as(name.replace("_", " "), unit), "measure": str(measure)},
-            )
+            unit, ends = "1", dict[str, float]()
+            if isinstance(measure, FormulaMeasure):
+                unit, ends = unit_of_measures(self.system, measure.expression), self._ends(measure)
+            said = described_as(name.replace("_", " "), unit)
+            found[name] = ("f8", np.nan, {**said, **ends, "measure": str(measure)})
             why = _flags(dict(enumerate(REASONS))) | {"long_name": f"reason why {name} is missing"}
             found[f"{name}_missing"] = ("i1", 0, why)
         if self.carry is not None:

@@ -36,9 +36,6 @@ SCALE = "scale"
 """What an axis is called that multiplies records, where the system has no such parameter."""
 _RECORDED = "_recorded"  # what follows the name of a drive in that of its record, if it is scaled
 _TABLES = (".csv", ".tsv", ".txt", ".dat")
-_EVEN = 0.9  # part of the steps of a record that are alike where it is one of even steps
-_ALIKE = 0.01  # relative
-_GAP = 1.5  # steps, from which on something is missing
 
 
 class Records(Mapping[str, Mapping[str, Samples]]):
@@ -420,28 +417,7 @@ def _is_record(path: Path, pattern: str) -> bool:
 
 def _read(file: Path, time: str, value: str, kind: SampleKind, drive: str, gaps: bool) -> Samples:
     """One record of a file."""
-    samples = Samples.read(file, time, value, kind, name=drive)
-    if not gaps:
-        _check_gaps(samples.times, str(file))
-    return samples
-
-
-def _check_gaps(times: Array, where: str) -> None:
-    """Reject a record of even steps in which samples are missing."""
-    steps = np.diff(times)
-    step = float(np.median(steps))
-    wide = np.flatnonzero(steps > _GAP * step)
-    even = np.mean(np.abs(steps - step) <= _ALIKE * step)
-    if not len(wide) or even < _EVEN:
-        return
-    k = int(wide[0])
-    more = f", and {len(wide) - 1} more gaps" if len(wide) > 1 else ""
-    raise DeclarationError(
-        where,
-        f"the time step is {step:.6g}, but there is no sample between {times[k]:.9g} and "
-        f"{times[k + 1]:.9g}{more}",
-        "Fill the gap, or allow it with gaps=True, --gaps",
-    )
+    return Samples.read(file, time, value, kind, name=drive, gaps=gaps)
 
 
 def _scaled(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,9 @@ class ColourScale(NamedTuple):
     kind: Literal["one way", "both ways", "round"]
 
 
-def colour_scale(measure: str, values: Array) -> ColourScale:
+def colour_scale(
+    measure: str, values: Array, attributes: Mapping[str, Any] | None = None
+) -> ColourScale:
     """Colour scale of a measure.
 
     The scale begins at the lower bound of the measure, such as 0 for an amplitude, so that colours
@@ -28,17 +31,24 @@ def colour_scale(measure: str, values: Array) -> ColourScale:
     Parameters
     ----------
     measure : str
-        Its name; formulas and functions have no known bounds.
+        Its name.
     values : array
         Values that determine the scale; those that are not finite are ignored.
+    attributes : mapping, optional
+        Of the variable of a map: ``valid_min`` and ``valid_max`` are the bounds of a formula.
+        Functions have no known bounds.
     """
     known = MEASURES.get(measure.partition(":")[0])
     least, most = (None, None) if known is None else (known.said.least, known.said.most)
     if least is not None and most is not None:
         return ColourScale(least, most, "round" if least < 0.0 else "one way")
+    if known is None and attributes:
+        least, most = attributes.get("valid_min"), attributes.get("valid_max")
+    if least is not None and most is not None and least >= 0.0:
+        return ColourScale(least, most, "one way")
     finite = values[np.isfinite(values)]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
-    if least is not None:
+    if least is not None and least >= 0.0:
         return ColourScale(least, high if high > least else least + 1.0, "one way")
     if low < 0.0 < high:
         end = max(-low, high)

@@ -51,7 +51,7 @@ from stickslip.orbits.settling.engine.returns import (
     miss,
     told_apart,
 )
-from stickslip.orbits.settling.engine.settling import settle_lane
+from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
     ASK,
     AT_FIRST,
@@ -77,6 +77,7 @@ from stickslip.orbits.settling.engine.tables import (
     PERIOD,
     PERIODIC,
     PHASE,
+    PROVING,
     SETTLING,
     SIZED,
     START,
@@ -216,9 +217,17 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         )
         for j in range(count):
             grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
+            extend(m, rules, i, real[START], bench.record.time[j], bench.record.state[j], bench)
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
     limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
+    for r in range(bench.ends.shape[1]):
+        bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
+    if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
+        # Nothing is known of the period of what is so small, and all of its parts are alike.
+        if m.drive[i] <= 0.0:
+            real[OPEN] = 0.0
+        return
     p = likely_part(e, m, rules, saved, bench, i, 2)
     while p > 0:
         off = 0.0
@@ -580,7 +589,12 @@ def measure_lane(
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
-        if awry and look_closer(m, rules, e.lanes, saved, bench, i):
+        if m.outcome[i] == PERIODIC and m.real[i, OPEN] == 0.0 and m.drive[i] <= 0.0:
+            # What is so small that its period is not known has died out, or will have.
+            claim_rest(e, m, saved.mode[i], i)
+            m.real[i, DURATION] = rules.real[2]
+            numbers[PHASE] = PROVING
+        elif awry and look_closer(m, rules, e.lanes, saved, bench, i):
             numbers[PHASE] = SETTLING
         elif deceives(m.outcome[i], m.felt[i], closure):
             forget(m, rules, e.lanes, saved, i)

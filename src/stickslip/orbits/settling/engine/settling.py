@@ -191,9 +191,16 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     m.outcome[i] = _NOTHING_YET
     if faded:
         # A system without contacts moves, too.
-        m.outcome[i] = AT_REST if stands(e.flow.rows, s.mode[i]) else STEADY
+        claim_rest(e, m, s.mode[i], i)
     numbers[PHASE] = PROVING
     return SETTLED
+
+
+@compiled()
+def claim_rest(e: Engine, m: Marks, mode: Array, i: int) -> None:
+    """Say of a lane in a mode, which is to be proved, that it has come to rest or slides
+    steadily."""
+    m.outcome[i] = AT_REST if stands(e.flow.rows, mode) else STEADY
 
 
 @compiled()
