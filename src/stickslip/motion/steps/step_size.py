@@ -99,7 +99,8 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if is_silent(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
-            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
+            lost = ROUNDING * impulse(flow.rows, mag, r, unit) if i < n else 0.0
+            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
         if not seen[i] > 0.0:
             # Where a motion is followed again, the direction of a slip counts, and not its smaller
@@ -175,11 +176,11 @@ def companion(rows: Rows, row: int) -> int:
 
 
 @compiled()
-def sparse_step(c: Array, N: int, tol: float) -> float:
+def sparse_step(c: Array, N: int, tol: float, lost: float) -> float:
     """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
 
     The last term that there is tells, beside the first, how fast they fall. A polynomial of a low
-    degree leaves out nothing.
+    degree leaves out nothing. First terms that are lost in rounding tell nothing.
     """
     j = 0
     k = N
@@ -187,7 +188,7 @@ def sparse_step(c: Array, N: int, tol: float) -> float:
         k -= 1
     if k < _DENSE or k > N - 2:
         return np.inf
-    while j < k and c[j] == 0.0:
+    while j < k and abs(c[j]) <= lost:
         j += 1
     return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
 
