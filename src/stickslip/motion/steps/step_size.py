@@ -99,8 +99,7 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if is_silent(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
-            lost = ROUNDING * impulse(flow.rows, mag, r, unit) if i < n else 0.0
-            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost))
+            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost_terms(flow, i)))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
         if not seen[i] > 0.0:
             # Where a motion is followed again, the direction of a slip counts, and not its smaller
@@ -191,6 +190,24 @@ def sparse_step(c: Array, N: int, tol: float, lost: float) -> float:
     while j < k and abs(c[j]) <= lost:
         j += 1
     return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
+
+
+@compiled()
+def lost_terms(flow: Flow, i: int) -> float:
+    """Size of the coefficients of the i-th row that bounds steps which are lost in rounding."""
+    rows, mag = flow.rows, flow.space.mag
+    n = rows.sizes[DIMENSION]
+    unit = flow.space.W[n, 1]
+    place, contacts = rows.noise[i], len(rows.u)
+    size = 0.0
+    if i < n:
+        size = impulse(rows, mag, i, unit)
+    elif place >= 0:
+        size = mag[place]
+        if place < contacts:
+            # What is zero by definition in a relative velocity is a rounding error of its rate.
+            size += unit * mag[contacts + place]
+    return float(ROUNDING * size)
 
 
 @compiled()
