@@ -24,7 +24,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import DIMENSION, FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -44,14 +44,15 @@ from stickslip.motion.steps.response import (
     span_rates,
     speed_along,
 )
+from stickslip.motion.steps.sets import whole_rate
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
-from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
+from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 
 # Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
 # 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
 NEGLIGIBLE = 1e-10
-MOST_LEADING = 5  # orders of |Au| that may vanish
+MOST_LEADING = 9  # orders of |Au| that may vanish
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _ACROSS = 1e-13  # square of the part of a velocity across others
@@ -120,6 +121,24 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
             for i in range(rank):
                 for j in range(rank):
                     matrix[i, j] += span[i, k] * (a * span[j, 2 * p] + b * span[j, 2 * p + 1])
+
+
+@compiled(brief=True)
+def lost_order(flow: Flow, table: Array) -> float:
+    """What rounding errors of forces make of an order of Au, for the contacts that begin to slip: a
+    smaller one is none.
+
+    Parameters
+    ----------
+    table : array
+        Coefficients, with their unit of time.
+    """
+    rows = flow.rows
+    size = 0.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            size = max(size, whole_rate(rows, flow.space.mag, rows.planes[p, LEAD]))
+    return float(ROUNDING * size * table[rows.sizes[DIMENSION], 1])
 
 
 @compiled(brief=True)
@@ -561,7 +580,7 @@ def forget_orders(flow: Flow) -> None:
 
 
 @compiled(brief=True)
-def aim_order_together(flow: Flow, rank: int, m: int) -> None:
+def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
     """Order m of V, and the order of β that it tells.
 
     Parameters
@@ -570,6 +589,8 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         With bₘ, the rates of Au with order m of the directions 0, and order m + p of Au.
     rank : int
         Number of vectors of Z.
+    lost : float
+        Rounding errors of an order of Au.
     """
     rows = flow.rows
     aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
@@ -602,6 +623,7 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         size = 0.0
         for r in range(rank):
             size += abs(right[r])
+        least = max(NEGLIGIBLE * size, lost)
         last = m + 1 - leading
         for j in range(last + 1 if leading > 0 else 0):
             for r in range(rank):
@@ -614,12 +636,12 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         for r in range(rank):
             onset[_FIRST + r, m] = onset[_SOLVED, r]
         if number > 1:
-            leading = find_in_face(flow, rank, others, m, leading, size)
+            leading = find_in_face(flow, rank, others, m, leading, least)
             if leading < 0:
                 return
         elif leading > 0 and last >= 0:
             onset[_BETA, last] += onset[_SOLVED, rank]
-        elif leading == 0 and abs(onset[_SOLVED, rank]) > NEGLIGIBLE * size and m < MOST_LEADING:
+        elif leading == 0 and abs(onset[_SOLVED, rank]) > least and m < MOST_LEADING:
             leading = m + 1
             onset[_BETA, 0] = onset[_SOLVED, rank]
     for p in range(len(rows.planes)):
@@ -629,7 +651,7 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
 
 
 @compiled(brief=True)
-def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size: float) -> int:
+def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, least: float) -> int:
     """What order m says in a face of mechanisms: v₀ and β₀; or an order of β, and the part of one
     of V in the face.
 
@@ -641,8 +663,8 @@ def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size:
         Number of vectors of Z, and of those across the face.
     m, leading : int
         The order m, and p (0: not known yet).
-    size : float
-        Of its terms.
+    least : float
+        Below which an order of β is none.
 
     Returns
     -------
@@ -671,7 +693,7 @@ def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size:
             across = way[r] - change * onset[_FIRST + r, 0]
             onset[_FIRST + r, last] += across / onset[_BETA, 0]
         return leading
-    if not length > NEGLIGIBLE * size or m >= MOST_LEADING:
+    if not length > least or m >= MOST_LEADING:
         return 0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
