@@ -52,7 +52,7 @@ from stickslip.translator import compiled
 # Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
 # 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
 NEGLIGIBLE = 1e-10
-MOST_LEADING = 9  # orders of |Au| that may vanish
+MOST_LEADING = 5  # orders of |Au| that may vanish
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _ACROSS = 1e-13  # square of the part of a velocity across others
