@@ -85,7 +85,7 @@ from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
 _ANGLES = 24  # that are tried at first
-_LATE = 4.0  # errors of a time, or of a velocity, by which what is zero may be away from it
+_LATE = 64.0  # errors of a time, or of a velocity, by which what is zero may be away from it
 _RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 
