@@ -1,4 +1,5 @@
-"""Contacts that are refused: each by a reason that stands in the documentation, with its remedy."""
+"""Contacts that are refused, and motions that end early at one: each by a reason that stands in the
+documentation, with its remedy."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ from stickslip import (
     Contact,
     DeclarationError,
     Inertial,
+    Outcome,
     RateIndependent,
     System,
     Unilateral,
@@ -189,3 +191,58 @@ def test_the_page_names_each_refusal() -> None:
 
 def test_three_legs_are_not_refused() -> None:
     assert simulate(on_legs(3), (0.0, 0.1)).outcome.ok
+
+
+def puck(*forces: str) -> System:
+    """A puck that holds a force of 1 in each direction."""
+    return body(
+        {x: Inertial(force=force) for x, force in zip("xy", forces, strict=True)},
+        {"table": Contact(("d_x", "d_y"), 1.0)},
+        kinetic=SLIDER,
+    )
+
+
+def shortly_after(time: float) -> System:
+    """A rod on two points that leaves rest at t = 0.2116926, shortly after an event elsewhere."""
+    forces = {
+        "x": "(1 - (t - 0.3)**4)*cos(3*t)",
+        "y": "(1 - (t - 0.3)**4)*sin(3*t)",
+        "p": "t**3",
+        "z": f"abs(t - {time!r})",
+    }
+    points = [(f"d_x - ({a})*d_p*sin(p)", f"d_y + ({a})*d_p*cos(p)") for a in (-1, 1)]
+    return body(
+        {x: Inertial(force=force) for x, force in forces.items()},
+        {f"point {i}": Contact(point, 0.5) for i, point in enumerate(points)},
+        kinetic="(d_x**2 + d_y**2 + 0.4*d_p**2 + d_z**2)/2",
+        initial={"p": 0.1},
+    )
+
+
+def rolling() -> System:
+    """A disc that slides and turns as given; at the start a point of its rim is at rest."""
+    speeds = ("cos(3*t)", "sin(3*t)*cos(3*t)", "cos(3*t)**2")
+    disc = Contact(("0", "0", "0"), dissipation="disc(v1, v2, v3)", surface_speed=speeds)
+    return body(masses("x"), {"disc": disc}, kinetic=FREE)
+
+
+ENDS: dict[Outcome, tuple[Callable[[], System], Callable[[], System]]] = {
+    Outcome.NO_MODE: (lambda: puck("1", "t**3"), lambda: puck("1 + 1e-9", "t**3")),
+    Outcome.UNDEFINED: (lambda: shortly_after(0.2116925763), lambda: shortly_after(0.2)),
+    Outcome.TIME_UP: (rolling, rolling),
+}
+
+
+@pytest.mark.parametrize("outcome", ENDS)
+def test_a_motion_ends_by_a_named_outcome_and_obeys_the_law_up_to_there(outcome: Outcome) -> None:
+    early, remedied = ENDS[outcome]
+    motion = simulate(early(), (0.0, 0.3), time_limit=1.0)
+    assert motion.outcome is outcome
+    assert "the law is satisfied up to there" in motion.certificate.verdict
+    if remedied is not early:
+        assert simulate(remedied(), (0.0, 0.3)).certificate.ok
+
+
+def test_the_page_names_how_motions_end() -> None:
+    table = PAGE.read_text(encoding="utf-8").partition("motions that end early")[2]
+    assert [outcome for outcome in ENDS if f"*{outcome.label}*" not in table] == []
