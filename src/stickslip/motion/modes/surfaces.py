@@ -49,7 +49,6 @@ from stickslip.motion.steps.sets import (
     is_at_rest,
     may_share,
     rate_terms,
-    slides_in_plane,
     whole_rate,
     whole_speed,
 )
@@ -305,8 +304,9 @@ def touching(flow: Flow, c: int, last: float) -> float:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors. So does one that began so shortly before that its speed is one of them, and so does what opens, and what opens together with it: where all forces vanish at that
-    instant, nothing else says how small a rounding error is.
+    errors. So does one that began so shortly before that its speed is one of them. So does what
+    opens, and what opens together with it: where all forces vanish at that instant, nothing else
+    says how small a rounding error is.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -322,15 +322,18 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if asked:
         set_mode(rows, lane.mode, opened, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
-    sliding = slides_in_plane(rows, lane.mode) and resolve(rows, flow.k, flow.space, lane.mode)
-    sliding = sliding and coefficients(machine, flow, here, 1, flow.space.V) == OK
+    asks, told = True, False
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
         if rows.planes[p, MASSIVE] == 1:
-            left = leaves_with(rows, lane, first, c) or (
-                sliding and lane.mode[first] != 0 and hardly_slips(flow, here, first)
-            )
+            left = leaves_with(rows, lane, first, c)
+            if asks and not left and lane.mode[first] != 0:
+                asks = False
+                told = resolve(rows, flow.k, flow.space, lane.mode)
+                told = told and coefficients(machine, flow, here, 1, flow.space.V) == OK
+            if told and not left and lane.mode[first] != 0:
+                left = hardly_slips(flow, here, first)
             asked = asked or left or lane.mode[first] == 0
             if left:
                 set_mode(rows, lane.mode, first, 0)

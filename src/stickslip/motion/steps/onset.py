@@ -24,7 +24,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import DIMENSION, FORMULA, LEAD, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -44,9 +44,8 @@ from stickslip.motion.steps.response import (
     span_rates,
     speed_along,
 )
-from stickslip.motion.steps.sets import whole_rate
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
-from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS, ROUNDING
+from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 
 # Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
@@ -121,24 +120,6 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
             for i in range(rank):
                 for j in range(rank):
                     matrix[i, j] += span[i, k] * (a * span[j, 2 * p] + b * span[j, 2 * p + 1])
-
-
-@compiled(brief=True)
-def lost_order(flow: Flow, table: Array) -> float:
-    """What rounding errors of forces make of an order of Au, for the contacts that begin to slip: a
-    smaller one is none.
-
-    Parameters
-    ----------
-    table : array
-        Coefficients, with their unit of time.
-    """
-    rows = flow.rows
-    size = 0.0
-    for p in range(len(rows.planes)):
-        if begins_in(flow, p):
-            size = max(size, whole_rate(rows, flow.space.mag, rows.planes[p, LEAD]))
-    return float(ROUNDING * size * table[rows.sizes[DIMENSION], 1])
 
 
 @compiled(brief=True)

@@ -49,7 +49,6 @@ from stickslip.motion.steps.onset import (
     aim_together,
     begin_together,
     forget_orders,
-    lost_order,
 )
 from stickslip.motion.steps.response import (
     AXES,
@@ -67,6 +66,7 @@ from stickslip.motion.steps.response import (
     begins_as_face,
     begins_bent,
     begins_flat,
+    lost_order,
     place_aims,
     place_speeds,
     rate_row,

@@ -141,6 +141,7 @@ def swings(flow: Flow, h: float, step: float, tol: float, atol: float, seen: Arr
     flow, h, tol, atol, seen
         As of :func:`vanishing`.
     step : float
+        Length of the polynomial.
     """
     W = flow.space.W
     n = flow.rows.sizes[DIMENSION]
