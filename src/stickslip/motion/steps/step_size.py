@@ -99,8 +99,8 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if is_silent(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
-            # Of forces, and what else is no state, at a beginning only: where directions turn, small
-            # terms of later steps tell how far these are known.
+            # Of forces, and what else is no state, at a beginning only: where directions turn,
+            # small terms of later steps tell how far these are known.
             lost = lost_terms(flow, i) if i < n or not seen[i] > 0.0 else 0.0
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
