@@ -24,7 +24,7 @@ PROPERTIES = frozenset({"MASSIVE", "BENDS", "FORMULA", "SEAT"})
 DIRECTIONS = frozenset({"directions_of", "own_directions"})
 LISTS = frozenset({"planes", "openings"})
 ASKED = {
-    "motion/admissible": 16,
+    "motion/admissible": 15,
     "motion/affine": 1,
     "motion/audit": 32,
     "motion/engine": 8,

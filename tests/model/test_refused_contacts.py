@@ -1,4 +1,5 @@
-"""Contacts that are refused: each by a reason that stands in the documentation, with its remedy."""
+"""Contacts that are refused, and motions that end early at one: each by a reason that stands in the
+documentation, with its remedy."""
 
 from __future__ import annotations
 
@@ -8,12 +9,16 @@ from typing import Any
 
 import pytest
 
+from adversarial import points
+from adversarial.dissipations import draw
 from stickslip import (
     Contact,
     DeclarationError,
     Inertial,
+    Outcome,
     RateIndependent,
     System,
+    Trajectory,
     Unilateral,
     Viscous,
     simulate,
@@ -189,3 +194,45 @@ def test_the_page_names_each_refusal() -> None:
 
 def test_three_legs_are_not_refused() -> None:
     assert simulate(on_legs(3), (0.0, 0.1)).outcome.ok
+
+
+def puck(*forces: str) -> System:
+    """A puck that holds a force of 1 in each direction."""
+    return body(
+        {x: Inertial(force=force) for x, force in zip("xy", forces, strict=True)},
+        {"table": Contact(("d_x", "d_y"), 1.0)},
+        kinetic=SLIDER,
+    )
+
+
+def rolling() -> System:
+    """A disc that slides and turns as given; at the start a point of its rim is at rest."""
+    speeds = ("cos(3*t)", "sin(3*t)*cos(3*t)", "cos(3*t)**2")
+    disc = Contact(("0", "0", "0"), dissipation="disc(v1, v2, v3)", surface_speed=speeds)
+    return body(masses("x"), {"disc": disc}, kinetic=FREE)
+
+
+ENDS: dict[Outcome, tuple[Callable[[], Trajectory | str], Callable[[], Trajectory] | None]] = {
+    Outcome.NO_MODE: (
+        lambda: simulate(puck("1", "t**3"), (0.0, 0.3)),
+        lambda: simulate(puck("1 + 1e-9", "t**3"), (0.0, 0.3)),
+    ),
+    Outcome.UNDEFINED: (lambda: points.simulated(draw("units", 0)), None),
+    Outcome.TIME_UP: (lambda: simulate(rolling(), (0.0, 0.3), time_limit=0.5), None),
+}
+"""Motions that end so, and what the remedy makes of them, where it is one number."""
+
+
+@pytest.mark.parametrize("outcome", ENDS)
+def test_a_motion_ends_by_a_named_outcome_and_obeys_the_law_up_to_there(outcome: Outcome) -> None:
+    early, remedied = ENDS[outcome]
+    motion = early()
+    assert isinstance(motion, Trajectory)
+    assert motion.outcome is outcome
+    assert "the law is satisfied up to there" in motion.certificate.verdict
+    assert remedied is None or remedied().certificate.ok
+
+
+def test_the_page_names_how_motions_end() -> None:
+    table = PAGE.read_text(encoding="utf-8").partition("motions that end early")[2]
+    assert [outcome for outcome in ENDS if f"*{outcome.label}*" not in table] == []

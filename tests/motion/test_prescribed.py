@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -238,3 +239,23 @@ def test_a_face_begins_from_rest(face: str) -> None:
         x, y = r * np.cos(angle), r * np.sin(angle)
         mean = [np.mean(np.hypot(a - w * y, b + w * x)) for a, b, w in u.T]
         np.testing.assert_allclose(-np.sum(forces * u, axis=0), mean, rtol=1e-4)
+
+
+@pytest.mark.parametrize("form", ["ellipsoid", "disc", "ring", "plane"])
+def test_what_is_given_reverses(form: str) -> None:
+    """All components vanish at once, at t = π/6 and π/2, and the force changes its sign there."""
+    given: dict[str, Any] = {
+        "ellipsoid": {"threshold": 1.0, "axes": (1.0, 1.0, 0.3)},
+        "plane": {"dissipation": "sqrt(v1**2 + v2**2/4)"},
+    }.get(form, {"dissipation": f"{form}(v1, v2, v3)"})
+    speeds = ("cos(3*t)", "0.5*cos(3*t)", "0.3*cos(3*t)")[: 2 if form == "plane" else 3]
+    contact = ss.Contact(("0",) * len(speeds), surface_speed=speeds, **given)
+    motion = ss.simulate(driven(contact), (0.0, 2.0))
+    assert motion.certificate.ok, motion.certificate
+    ahead, back, again = (
+        np.array([motion.at(t)[f"friction_pad_{i + 1}"] for i in range(len(speeds))])
+        for t in (0.3, 1.1, 1.9)
+    )
+    assert np.hypot(*ahead[:2]) > 0.5
+    np.testing.assert_allclose(back, -ahead, atol=1e-12)
+    np.testing.assert_allclose(again, ahead, atol=1e-12)

@@ -204,7 +204,7 @@ def _states(parts: tuple[int, ...], opens: bool) -> int:
 
 def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
     """Contacts in a plane, and the one that each contact is a component of."""
-    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 15)
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 16)
     plane = np.full(len(layout.u), -1, np.int64)
     for p, (first, *_) in enumerate(layout.planes):
         plane[[*equations.directions[first]]] = p

@@ -115,10 +115,11 @@ def plane_rows(draft: Draft) -> None:
         even = plane.formula is not None or all(axis is ex.ONE for axis in plane.axes)
         straight = massive and even and all(e.symbols <= held for e in fixed)
         static = tape.row(plane.static)
+        scaled = int(any(axis is not ex.ONE for axis in plane.axes[:2]))
         ends = (static, slips, int(massive), int(plane.bends), number, int(straight))
         size = draft.speed_sizes[p]
         where = (plane.parts[0], first, first + count, *sides, *third, row, place)
-        layout.planes.append((*where, *ends, size))
+        layout.planes.append((*where, *ends, size, scaled))
         layout.pieces += [
             (draft.eq.kinks.index(guard), p, tape.row(same)) for guard, same in plane.pieces
         ]

@@ -21,13 +21,15 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.admissible.sharing import given_force, held_at, speed_of, sticks_in
+from stickslip.motion.admissible.sharing import held_at, speed_of, sticks_in
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
 from stickslip.motion.steps.sets import (
     MOVED,
     force_outside,
+    given_force,
     inner_bend,
     inner_force,
+    parts_at,
     radius_at,
     support_at,
 )
@@ -264,15 +266,6 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
                 mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
                 bend[i, j] += along * (mixed + zz * g * h)
-
-
-@compiled(brief=True)
-def parts_at(block: Array, table: Array, column: int) -> tuple[float, float, float]:
-    """Entries of a column of a table for the directions of a contact; 0 for missing directions."""
-    x = float(table[block[0], column])
-    y = float(table[block[1], column]) if len(block) > 1 else 0.0
-    z = float(table[block[2], column]) if len(block) > 2 else 0.0
-    return x, y, z
 
 
 @compiled(brief=True)

@@ -240,14 +240,6 @@ def speed_of(flow: Flow, c: int, rank: int, w: Array) -> float:
 
 
 @compiled(brief=True)
-def given_force(flow: Flow, c: int, forces: Array) -> tuple[float, float]:
-    """Entries of a row of the work space for the first two directions of a contact; along a line,
-    the second is 0. Not used for faces, which have three."""
-    block = directions_of(flow.rows, c)
-    return float(forces[c]), float(forces[block[1]]) if len(block) > 1 else 0.0
-
-
-@compiled(brief=True)
 def length_of(x: float, y: float, z: float) -> float:
     """The length of a vector."""
     return math.hypot(x, y) if z == 0.0 else math.hypot(math.hypot(x, y), z)

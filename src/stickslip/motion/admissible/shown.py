@@ -17,9 +17,9 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sharing import given_force, grip, is_first, sticks_in
+from stickslip.motion.admissible.sharing import grip, is_first, sticks_in
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
-from stickslip.motion.steps.sets import axis_of, part_to_set
+from stickslip.motion.steps.sets import axis_of, given_force, part_to_set
 from stickslip.translator import compiled
 
 

@@ -50,6 +50,7 @@ from stickslip.motion.steps.sets import (
     is_at_rest,
     may_share,
     rate_terms,
+    whole_rate,
     whole_speed,
 )
 from stickslip.motion.steps.starting import coefficients
@@ -304,8 +305,9 @@ def touching(flow: Flow, c: int, last: float) -> float:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors. So does what opens, and what opens together with it: where all forces vanish at that
-    instant, nothing else says how small a rounding error is.
+    errors. So does one that began so shortly before that its speed is one of them. So does what
+    opens, and what opens together with it: where all forces vanish at that instant, nothing else
+    says how small a rounding error is.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -320,17 +322,24 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     apart = lane.mode[opened] if asked else 0
     if asked:
         set_mode(rows, lane.mode, opened, 0)
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    asks, told = True, False
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
         if rows.planes[p, MASSIVE] == 1:
             left = leaves_with(rows, lane, first, c)
+            if asks and not left and lane.mode[first] != 0:
+                asks = False
+                told = resolve(rows, flow.k, flow.space, lane.mode)
+                told = told and coefficients(machine, flow, here, 1, flow.space.V) == OK
+            if told and not left and lane.mode[first] != 0:
+                left = hardly_slips(flow, here, first)
             asked = asked or left or lane.mode[first] == 0
             if left:
                 set_mode(rows, lane.mode, first, 0)
     if not asked:
         return
-    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     recent, span = lane.clock[RECENT], lane.clock[SPAN]
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
@@ -345,6 +354,26 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
             set_mode(rows, lane.mode, first, before[first])
     if opened >= 0:
         set_mode(rows, lane.mode, opened, apart)
+
+
+@compiled()
+def hardly_slips(flow: Flow, at: Instant, c: int) -> bool:
+    """Whether the speed of a contact in a plane cannot be told from nothing at an instant that is
+    known up to rounding; its direction would change within less than that.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the values of the rows.
+    c : int
+        Its first direction.
+    """
+    rows, mag = flow.rows, flow.space.mag
+    speed = 0.0
+    for i in directions_of(rows, c):
+        speed += abs(flow.space.V[rows.u[i], 0])
+    late = INSTANT * abs(at.t) * whole_rate(rows, mag, c)
+    return bool(speed <= ROUNDING * whole_speed(rows, mag, c) + late)
 
 
 @compiled()

@@ -79,10 +79,10 @@ AIMS = 15  # rows of Space.aims for each plane; see stickslip.motion.steps.respo
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
 # friction makes of Au what is not linear in its direction, the number of its formula, −1: none,
-# 1 where Au is a linear combination of rates with constant coefficients, and the row of the size
-# of the terms of Au.
+# 1 where Au is a linear combination of rates with constant coefficients, the row of the size of the
+# terms of Au, and 1 where Au is not u itself.
 LEAD, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP, ADMISSIBLE, ADMISSIBLE_SIZE = range(8)
-STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR, AU_SIZE = range(8, 15)
+STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR, AU_SIZE, HAS_AXES = range(8, 16)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -152,8 +152,8 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 15)
-        Contacts in a plane, by the columns from `LEAD` to `AU_SIZE`.
+    planes : array of int, shape (planes, 16)
+        Contacts in a plane, by the columns from `LEAD` to `HAS_AXES`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     pieces : array of int, shape (pieces, 3)

@@ -436,7 +436,7 @@ def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, 
 
 
 @compiled(brief=True)
-def aim_face_order(flow: Flow, p: int, m: int) -> None:
+def aim_face_order(flow: Flow, p: int, m: int, lost: float) -> None:
     """Order m of the direction of a face, and the order of |Au| that it tells.
 
     Parameters
@@ -445,6 +445,8 @@ def aim_face_order(flow: Flow, p: int, m: int) -> None:
         With bₘ, the rates of Au with order m of the direction 0.
     p : int
         The face.
+    lost : float
+        Rounding errors of an order of Au.
     """
     aims = flow.space.aims
     base = AIMS * p
@@ -477,6 +479,6 @@ def aim_face_order(flow: Flow, p: int, m: int) -> None:
     found = equations[3, 4] / (m + 1) if known else 0.0
     if leading > 0:
         aims[base + RHO, k] = found
-    elif abs(found) > NEGLIGIBLE * size and m < MOST_LEADING:
+    elif abs(found) > max(NEGLIGIBLE * size, lost) and m < MOST_LEADING:
         aims[base + LEADING, 0] = m + 1.0
         aims[base + RHO, 0] = found

@@ -562,7 +562,7 @@ def forget_orders(flow: Flow) -> None:
 
 
 @compiled(brief=True)
-def aim_order_together(flow: Flow, rank: int, m: int) -> None:
+def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
     """Order m of V, and the order of β that it tells.
 
     Parameters
@@ -571,6 +571,8 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         With bₘ, the rates of Au with order m of the directions 0, and order m + p of Au.
     rank : int
         Number of vectors of Z.
+    lost : float
+        Rounding errors of an order of Au.
     """
     rows = flow.rows
     aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
@@ -603,6 +605,7 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         size = 0.0
         for r in range(rank):
             size += abs(right[r])
+        least = max(NEGLIGIBLE * size, lost)
         last = m + 1 - leading
         for j in range(last + 1 if leading > 0 else 0):
             for r in range(rank):
@@ -615,12 +618,12 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         for r in range(rank):
             onset[_FIRST + r, m] = onset[_SOLVED, r]
         if number > 1:
-            leading = find_in_face(flow, rank, others, m, leading, size)
+            leading = find_in_face(flow, rank, others, m, leading, least)
             if leading < 0:
                 return
         elif leading > 0 and last >= 0:
             onset[_BETA, last] += onset[_SOLVED, rank]
-        elif leading == 0 and abs(onset[_SOLVED, rank]) > NEGLIGIBLE * size and m < MOST_LEADING:
+        elif leading == 0 and abs(onset[_SOLVED, rank]) > least and m < MOST_LEADING:
             leading = m + 1
             onset[_BETA, 0] = onset[_SOLVED, rank]
     for p in range(len(rows.planes)):
@@ -630,7 +633,7 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
 
 
 @compiled(brief=True)
-def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size: float) -> int:
+def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, least: float) -> int:
     """What order m says in a face of mechanisms: v₀ and β₀; or an order of β, and the part of one
     of V in the face.
 
@@ -642,8 +645,8 @@ def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size:
         Number of vectors of Z, and of those across the face.
     m, leading : int
         The order m, and p (0: not known yet).
-    size : float
-        Of its terms.
+    least : float
+        Below which an order of β is none.
 
     Returns
     -------
@@ -672,7 +675,7 @@ def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size:
             across = way[r] - change * onset[_FIRST + r, 0]
             onset[_FIRST + r, last] += across / onset[_BETA, 0]
         return leading
-    if not length > NEGLIGIBLE * size or m >= MOST_LEADING:
+    if not length > least or m >= MOST_LEADING:
         return 0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):

@@ -18,7 +18,7 @@ from stickslip.equations.codegen.layout import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import DIMENSION, OK, Flow, Instant, Machine
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.step_size import LEAST_SIZE, better, companion
+from stickslip.motion.steps.step_size import LEAST_SIZE, better, companion, impulse
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
@@ -32,6 +32,9 @@ _NOTHING = 1.0 / 32.0
 _VAGUE = 1e-3  # part of its size to which a part of the state has to be known
 _AMPLIFIED = 1e3  # times that it may be worse where it is nothing but rounding errors of its rate
 _NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
+# times what rounding errors of forces make of it in the time of a series, by which it is changed at
+# least: what decays within that time has a derivative that is lost in rounding otherwise
+_CLEAR = 1e4
 
 
 def _stages(s: int) -> tuple[Array, Array, Array, float]:
@@ -146,7 +149,13 @@ def tables_of(order: int) -> int:
 
 @compiled()
 def solve_stages(
-    machine: Machine, flow: Flow, stages: Stages, start: Instant, step: float, seen: Array
+    machine: Machine,
+    flow: Flow,
+    stages: Stages,
+    start: Instant,
+    h: float,
+    step: float,
+    seen: Array,
 ) -> bool:
     """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled.
 
@@ -157,8 +166,8 @@ def solve_stages(
     ----------
     stages : Stages
         With the rate at the beginning; receives the states.
-    step : float
-        H.
+    h, step : float
+        How long a series is good for, and H.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
@@ -172,7 +181,7 @@ def solve_stages(
     for turn in range(_MOST_CORRECTIONS):
         settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
         fresh = not settled and (turn == 0 or not now <= _SLOW * before)
-        if not visit(machine, flow, stages, start, step, seen, fresh, settled):
+        if not visit(machine, flow, stages, start, h, step, seen, fresh, settled):
             return False
         if settled:
             return True
@@ -238,6 +247,7 @@ def visit(
     flow: Flow,
     stages: Stages,
     start: Instant,
+    h: float,
     step: float,
     seen: Array,
     fresh: bool,
@@ -254,8 +264,8 @@ def visit(
     ----------
     stages : Stages
         With the states; receives residuals and, where `fresh`, derivatives.
-    step : float
-        H.
+    h, step : float
+        How long a series is good for, and H.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     fresh, settled : bool
@@ -281,7 +291,9 @@ def visit(
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step
-                z[c] += _NUDGE * (LEAST_SIZE + around + moved + flow.atol * seen[c])
+                size = LEAST_SIZE + around + moved + flow.atol * seen[c]
+                lost = EPSILON * impulse(flow.rows, flow.space.mag, c, h)
+                z[c] += max(_NUDGE * size, _CLEAR * lost)
                 nudge = z[c] - stages.states[i * n + c]
             node = Instant(time, z, start.mode, start.reg)
             if coefficients(machine, flow, node, 1, V) != OK:
@@ -450,7 +462,7 @@ def last_terms(flow: Flow, stages: Stages, step: float, seen: Array) -> float:
         size = LEAST_SIZE + max(span_of(W, row, s), span_of(W, companion(flow.rows, row), s))
         most = flow.tol * (size + flow.atol * seen[i])
         if i < n:
-            natural = EPSILON * mag[noise[i]] * step if noise[i] >= 0 else 0.0
+            natural = EPSILON * impulse(flow.rows, mag, i, step)
             if stages.known[i] > _VAGUE * (size + flow.atol * seen[i]) + _AMPLIFIED * natural:
                 return np.inf
             most += 16.0 * EPSILON * size + stages.known[i]

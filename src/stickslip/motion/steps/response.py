@@ -17,8 +17,10 @@ from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     AIMS,
     BENDS,
+    DIMENSION,
     FEWEST_ORDERS,
     FORMULA,
+    HAS_AXES,
     LEAD,
     OK,
     Flow,
@@ -28,9 +30,9 @@ from stickslip.motion.steps.arrays import (
     directions_of,
     plain_coefficients,
 )
-from stickslip.motion.steps.sets import width_of
+from stickslip.motion.steps.sets import whole_rate, width_of
 from stickslip.motion.steps.vectors import is_new
-from stickslip.numerics.levels import NEW_DIRECTION
+from stickslip.numerics.levels import NEW_DIRECTION, ROUNDING
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -109,16 +111,6 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
             table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
 
 
-@compiled(brief=True)
-def has_axes(rows: Rows, p: int) -> bool:
-    """Whether Au of a contact in a plane is not u itself."""
-    c = rows.planes[p, LEAD]
-    found = False
-    for i in range(2):
-        found = found or rows.u[directions_of(rows, c)[i]] != rows.planes[p, AHEAD + i]
-    return found
-
-
 @compiled()
 def note_axis(flow: Flow, table: Array, p: int, i: int) -> None:
     """Note a half axis of a contact in a plane, by rates of Au and of u that are not zero."""
@@ -153,7 +145,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
             aims[r, 0] = 1.0  # a gradient has no value at 0
         if r % AIMS == AXES:
             aims[r, 0] = aims[r, 1] = 1.0
-            aims[r, 2] = 1.0 if has_axes(rows, r // AIMS) else 0.0
+            aims[r, 2] = float(rows.planes[r // AIMS, HAS_AXES])
     for probe in range(-1, 2 * planes):
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
@@ -315,3 +307,21 @@ def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array
             if begins_in(flow, i // 2):
                 for r in range(rank):
                     out[r] += span[r, i] * answer[i, j] * x
+
+
+@compiled(brief=True)
+def lost_order(flow: Flow, table: Array) -> float:
+    """What rounding errors of forces make of an order of Au, for the contacts that begin to slip: a
+    smaller one is none.
+
+    Parameters
+    ----------
+    table : array
+        Coefficients, with their unit of time.
+    """
+    rows = flow.rows
+    size = 0.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            size = max(size, whole_rate(rows, flow.space.mag, rows.planes[p, LEAD]))
+    return float(ROUNDING * size * table[rows.sizes[DIMENSION], 1])

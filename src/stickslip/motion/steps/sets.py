@@ -164,6 +164,23 @@ def gap_terms(rows: Rows, mag: Array, c: int) -> float:
 
 
 @compiled(brief=True)
+def parts_at(block: Array, table: Array, column: int) -> tuple[float, float, float]:
+    """Entries of a column of a table for the directions of a contact; 0 for missing directions."""
+    x = float(table[block[0], column])
+    y = float(table[block[1], column]) if len(block) > 1 else 0.0
+    z = float(table[block[2], column]) if len(block) > 2 else 0.0
+    return x, y, z
+
+
+@compiled(brief=True)
+def given_force(flow: Flow, c: int, forces: Array) -> tuple[float, float]:
+    """Entries of a row of the work space for the first two directions of a contact; along a line,
+    the second is 0. Not used for faces, which have three."""
+    block = directions_of(flow.rows, c)
+    return float(forces[c]), float(forces[block[1]]) if len(block) > 1 else 0.0
+
+
+@compiled(brief=True)
 def whole_speed(rows: Rows, mag: Array, c: int) -> float:
     """The sum of the sizes of the relative velocities in all directions of a contact."""
     size = 0.0

@@ -66,6 +66,7 @@ from stickslip.motion.steps.response import (
     begins_as_face,
     begins_bent,
     begins_flat,
+    lost_order,
     place_aims,
     place_speeds,
     rate_row,
@@ -84,7 +85,7 @@ from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
 _ANGLES = 24  # that are tried at first
-_LATE = 4.0  # errors of a time, or of a velocity, by which what is zero may be away from it
+_LATE = 64.0  # errors of a time, or of a velocity, by which what is zero may be away from it
 _RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 
@@ -283,6 +284,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         status = plain_coefficients(machine, flow, at, stage_order(needed, deeper), work)
         if status != OK:
             return status
+        lost = lost_order(flow, work)
         for p in range(len(rows.planes)):
             for i in range(2):
                 aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
@@ -290,7 +292,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
                 aims[AIMS * p + rate_row(i), m] = work[rows.planes[p, AHEAD + i], m + 1]
         if rank > 0:
             before = leading_order(flow)
-            aim_order_together(flow, rank, m)
+            aim_order_together(flow, rank, m, lost)
             # How a moving body turns slips that begin on it follows from orders of Au behind the
             # leading one.
             if before == 1 and leading_order(flow) > 1:
@@ -304,12 +306,12 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
                 for p in range(len(rows.planes)):
                     for i in range(2):
                         aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
-                aim_order_together(flow, rank, m)
+                aim_order_together(flow, rank, m, lost)
         else:
             aim_order(flow, m)
             for p in range(len(rows.planes)):
                 if begins_as_face(flow, p):
-                    aim_face_order(flow, p, m)
+                    aim_face_order(flow, p, m, lost)
         m += 1
     if m >= MOST_LEADING and all_begin(flow) and not all_lead(flow):
         return SINGULAR  # the force leaves its set too slowly for its direction to be known

@@ -99,7 +99,10 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if is_silent(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
-            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
+            # Of forces, and what else is no state, at a beginning only: where directions turn,
+            # small terms of later steps tell how far these are known.
+            lost = lost_terms(flow, i) if i < n or not seen[i] > 0.0 else 0.0
+            h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
         if not seen[i] > 0.0:
             # Where a motion is followed again, the direction of a slip counts, and not its smaller
@@ -130,9 +133,9 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         elif i < 2 * nq:
             begins = True
         else:
-            h = min(h, first_step(W[r], N if i < n else N - 1, tol))
+            h = min(h, first_step(W[r], N if i < n else N - 1, tol, lost_terms(flow, i)))
     if begins:
-        h = min(h, step_from_rest(W, nq, N, tol, seen))
+        h = min(h, step_from_rest(flow, N, seen))
     # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
     edge = tol / h ** (N - 1) if h < np.inf else 0.0
     if low > 0.0 and not low <= edge * h:
@@ -175,11 +178,11 @@ def companion(rows: Rows, row: int) -> int:
 
 
 @compiled()
-def sparse_step(c: Array, N: int, tol: float) -> float:
+def sparse_step(c: Array, N: int, tol: float, lost: float) -> float:
     """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
 
     The last term that there is tells, beside the first, how fast they fall. A polynomial of a low
-    degree leaves out nothing.
+    degree leaves out nothing. First terms that are lost in rounding tell nothing.
     """
     j = 0
     k = N
@@ -187,21 +190,39 @@ def sparse_step(c: Array, N: int, tol: float) -> float:
         k -= 1
     if k < _DENSE or k > N - 2:
         return np.inf
-    while j < k and c[j] == 0.0:
+    while j < k and abs(c[j]) <= lost:
         j += 1
     return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
 
 
 @compiled()
-def first_step(c: Array, N: int, tol: float) -> float:
-    """Step of a quantity that has been nothing so far: its last terms are small beside its
-    first."""
+def lost_terms(flow: Flow, i: int) -> float:
+    """Size of the coefficients of the i-th row that bounds steps which are lost in rounding."""
+    rows, mag = flow.rows, flow.space.mag
+    n = rows.sizes[DIMENSION]
+    unit = flow.space.W[n, 1]
+    place, contacts = rows.noise[i], len(rows.u)
+    size = 0.0
+    if i < n:
+        size = impulse(rows, mag, i, unit)
+    elif place >= 0:
+        size = mag[place]
+        if place < contacts:
+            # What is zero by definition in a relative velocity is a rounding error of its rate.
+            size += unit * mag[contacts + place]
+    return float(ROUNDING * size)
+
+
+@compiled()
+def first_step(c: Array, N: int, tol: float, lost: float) -> float:
+    """Step of a quantity that has been nothing so far: its last terms are small beside the first
+    one that is not lost in rounding."""
     j = 0
     h = np.inf
-    while j < N - 2 and c[j] == 0.0:
+    while j < N - 2 and abs(c[j]) <= lost:
         j += 1
     for k in range(N - 1, N + 1):
-        if c[k] != 0.0 and c[j] != 0.0 and k > j:
+        if c[k] != 0.0 and abs(c[j]) > lost and k > j:
             h = min(h, abs(c[j] / c[k] * tol) ** (1.0 / (k - j)))
     return h
 
@@ -231,27 +252,26 @@ def largest_within(W: Array, first: int, count: int, N: int, x: float) -> float:
 
 
 @compiled()
-def step_from_rest(W: Array, nq: int, N: int, tol: float, seen: Array) -> float:
+def step_from_rest(flow: Flow, N: int, seen: Array) -> float:
     """Step of places and velocities that have been nothing so far: beside the first terms of each,
     or beside next to nothing of the largest, its last terms are small.
 
     Parameters
     ----------
-    W : array
-        Coefficients of the state.
-    nq : int
-        Number of places, and of velocities.
+    flow : Flow
+        With coefficients of the state.
     N : int
-        Order of the coefficients.
-    tol : float
-        Local tolerance.
+        Their order.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
+    W = flow.space.W
+    nq = flow.rows.sizes[INERTIAL]
+    tol = flow.tol
     h = 0.0
     for r in range(2 * nq):
         if not seen[r] > 0.0 and W[r, 0] == 0.0:
-            h = max(h, first_step(W[r], N, tol))
+            h = max(h, first_step(W[r], N, tol, lost_terms(flow, r)))
     for _ in range(_MOST_FAINT):
         if not h < np.inf:
             break
@@ -261,7 +281,7 @@ def step_from_rest(W: Array, nq: int, N: int, tol: float, seen: Array) -> float:
             for r in range(kind * nq, (kind + 1) * nq):
                 if seen[r] > 0.0 or W[r, 0] != 0.0:
                     continue
-                own = first_step(W[r], N, tol)
+                own = first_step(W[r], N, tol, lost_terms(flow, r))
                 if own < fits:
                     for k in range(N - 1, N + 1):
                         if W[r, k] != 0.0:

@@ -60,10 +60,11 @@ from stickslip.motion.steps.step_size import (
     expand,
     fill_powers,
     hidden,
+    impulse,
     slip_end,
     step_size,
 )
-from stickslip.numerics.levels import INSTANT
+from stickslip.numerics.levels import EPSILON, INSTANT
 from stickslip.translator import compiled
 
 _AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that is
@@ -84,16 +85,16 @@ def cost_in_series(n: int) -> float:
 
 
 @compiled()
-def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
-    """Whether a series is as good as known at a third of its order: its step is bounded by
-    something that decays.
+def vanishing(flow: Flow, r: int, h: float, tol: float, atol: float, seen: Array) -> float:
+    """Terms of a part of the state that vanish: well above tolerances and rounding errors, and well
+    below its size.
 
     Parameters
     ----------
-    W : array, shape (rows, N + 1)
-        Taylor coefficients.
-    n, N : int
-        Components of the state, and order of the series.
+    flow : Flow
+        With the series.
+    r : int
+        Part of the state.
     h : float
         How long the series is good for.
     tol, atol : float
@@ -101,30 +102,53 @@ def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Arra
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
-    m = N // 3
+    W, mag = flow.space.W, flow.space.mag
+    x = h / W[flow.rows.sizes[DIMENSION], 1]
+    size = abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r]
+    # What stays zero by symmetry is the rounding errors of the forces, which decay at all rates.
+    return float(_CALM * (tol * size + EPSILON * impulse(flow.rows, mag, r, h)))
+
+
+@compiled()
+def calm(flow: Flow, h: float, tol: float, atol: float, seen: Array) -> bool:
+    """Whether a series is as good as known at a third of its order: its step is bounded by
+    something that decays.
+
+    Parameters
+    ----------
+    flow, h, tol, atol, seen
+        As of :func:`vanishing`.
+    """
+    W = flow.space.W
+    n = flow.rows.sizes[DIMENSION]
+    m = flow.order // 3
     x = h / W[n, 1]
     power = x**m
     for r in range(n):
-        size = _CALM * tol * (abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r])
+        size = vanishing(flow, r, h, tol, atol, seen)
         if not (abs(W[r, m]) * power <= size and abs(W[r, m + 1]) * power * x <= size):
             return False
     return True
 
 
 @compiled()
-def swings(W: Array, n: int, h: float, step: float, tol: float, atol: float, seen: Array) -> bool:
+def swings(flow: Flow, h: float, step: float, tol: float, atol: float, seen: Array) -> bool:
     """Whether a calm motion turns too often in a step for one polynomial: its terms are those
     of an oscillation, x‴ = −ω²x′, with a large ω times the step.
 
     Parameters
     ----------
-    W, n, h, tol, atol, seen
-        As in :func:`calm`.
+    flow, h, tol, atol, seen
+        As in :func:`vanishing`.
+    step : float
+        Length of the polynomial.
     """
+    W = flow.space.W
+    n = flow.rows.sizes[DIMENSION]
     x = h / W[n, 1]
     for r in range(n):
         slope, bend = abs(W[r, 1]) * x, abs(W[r, 3]) * x * x * x
-        known = _CALM * tol * (abs(W[r, 0]) + slope + atol * seen[r])
+        known = vanishing(flow, r, h, tol, atol, seen)
         if bend > known and 6.0 * bend * step * step > _TURNS * _TURNS * slope * h * h:
             return True
     return False
@@ -144,9 +168,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     n = len(lane.y)
     if n > MOST_IMPLICIT or not cost_in_series(n) * h < room:
         return False
-    settled = lane.counters[CAUSE] < 0 and calm(
-        flow.space.W, n, flow.order, h, flow.tol, flow.atol, lane.seen
-    )
+    settled = lane.counters[CAUSE] < 0 and calm(flow, h, flow.tol, flow.atol, lane.seen)
     if not settled:
         clock[IMPLICIT] = min(clock[IMPLICIT], -WATCHED)
         return False
@@ -200,8 +222,8 @@ def follow_mode(
             order == N
             and n <= MOST_IMPLICIT
             and 0.0 < least < room
-            and calm(flow.space.W, n, N, h, tol, atol, seen)
-            and not swings(flow.space.W, n, h, least, tol, atol, seen)
+            and calm(flow, h, tol, atol, seen)
+            and not swings(flow, h, least, tol, atol, seen)
         ):
             return order, h, h
         first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
@@ -287,7 +309,7 @@ def collocate(
     for _ in range(_MOST_TRIES):
         if not step >= cost_in_series(n) * h:
             break
-        if not solve_stages(machine, flow, stages, start, step, seen):
+        if not solve_stages(machine, flow, stages, start, h, step, seen):
             step = 0.25 * step
             cut = True
             continue
