@@ -18,6 +18,7 @@ from stickslip.arrays import (
     Vector,
 )
 from stickslip.motion.affine.eigenvalues import Eigenproblem, make_eigenproblem
+from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
 from stickslip.motion.affine.matrices import Probes, make_probes
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
@@ -251,6 +252,8 @@ class Making(NamedTuple):
     up, down : arrays of complex, shape (n, waves)
         What swings in w as exp(iωₘt) and as exp(−iωₘt).
     ones : array, shape (2, ns)
+    kept : KeptModes
+        Eigenvectors of modes that this work space has seen.
     """
 
     probes: Probes
@@ -265,6 +268,7 @@ class Making(NamedTuple):
     up: ComplexMatrix
     down: ComplexMatrix
     ones: Matrix
+    kept: KeptModes
 
 
 def make_making(rows: Rows, waves: int, timed: bool) -> Making:
@@ -286,6 +290,7 @@ def make_making(rows: Rows, waves: int, timed: bool) -> Making:
         up=z((n, waves), c),
         down=z((n, waves), c),
         ones=z((2, ns)),
+        kept=make_kept_modes(n),
     )
 
 
