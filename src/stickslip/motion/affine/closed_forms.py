@@ -722,6 +722,11 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     waves = T.b.shape[2]
     guards = T.counts[slot, GUARDS]
     first = T.c2.shape[1] - n
+    # Few components make the others drift: those that are still.
+    for j in range(ns):
+        w.ones[0, j] = 0.0
+        for b in range(blocks):
+            w.ones[0, j] = 1.0 if w.ramp[b, j] != 0.0j else w.ones[0, j]
     for row in range(first + n):
         if guards <= row < first:
             continue
@@ -749,6 +754,9 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
         T.c2[slot, row] = bend if abs(bend) > FEW_ROUNDINGS * terms else 0.0
         drifts = T.c2[slot, row] != 0.0
         for j in range(ns):
+            T.c1[slot, row, j] = 0.0
+            if w.ones[0, j] == 0.0 and j != n:
+                continue
             slope = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
             terms = abs(slope)
             for b in range(blocks):

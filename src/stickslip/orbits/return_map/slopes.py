@@ -53,7 +53,9 @@ def _solved(closed: Closed, name: str) -> CycleSlope:
     problem = closed.orbit.problem
     pieces = Pieces(problem.compiled.equations, name)
     exact = flies(closed.orbit.motion)
-    shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=exact))
+    if exact != problem.exact:  # a new problem has to make its closed forms
+        problem = replace(problem, exact=exact)
+    shooting = closed.shooting.with_pieces(pieces, problem)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[name]))
     # The unknowns of the cycle over the parameter, by the implicit function theorem.
     change = np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0]
