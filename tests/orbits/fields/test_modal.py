@@ -167,14 +167,14 @@ def test_eigenvectors_that_are_missing(k: float) -> None:
     spectra = make_spectra(1, 4, 0)
     spectra.matrix[0, :2, 2:] = np.eye(2)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose_piece(spectra, 0, np.array([False, False, True, True]), np.zeros((0, 4)))
+    rates = np.array([False, False, True, True])
+    equations = problem.compiled.equations
+    decompose_piece(equations, spectra, 0, rates, np.zeros((0, 4)))
     assert spectra.state[0] == DEFECTIVE
     # A force that holds the centre makes up for it: its velocity is zero all the time.
     spectra.rate[0] = math.sqrt(2.0 * k)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose_piece(
-        spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]])
-    )
+    decompose_piece(equations, spectra, 0, rates, np.array([[0.0, 0.0, 1.0, 1.0]]))
     assert spectra.state[0] == DECOMPOSED
 
 
