@@ -222,7 +222,7 @@ def test_steps_of_a_piece_are_taken_as_one(
     equations = motion._problem.compiled.equations
     whole = variation(motion, Pieces(equations, free))
     ends = variation(motion, Pieces(equations, free), between=False)
-    unsound: Any = lambda spectra, w, *_: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731
+    unsound: Any = lambda _, spectra, w, *more: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731
     monkeypatch.setattr(variational, "decompose_piece", unsound)
     slow = variation(motion, Pieces(equations, free))
     size = np.max(np.abs(slow.after), axis=(1, 2), keepdims=True)
