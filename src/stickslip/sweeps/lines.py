@@ -4,8 +4,8 @@ parameter.
 A line is a branch of cycles, stable or not, with its folds
 (:func:`~stickslip.orbits.branches.cycle_branch.continue_cycle`). Where lines begin is what sweeps
 tell that carry the state up and down: whatever these have settled on that is on no line yet begins
-another one. So where the damper never slips is a part of a line, and a line that is apart from the
-others is found if a sweep meets it.
+another one, and from then on they look for their cycles on it first. So where the damper never
+slips is a part of a line, and a line that is apart from the others is found if a sweep meets it.
 
 With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
 the coordinate lags behind.
