@@ -53,8 +53,9 @@ NOTES = [
     "comes from samples of half a period and Newton's method has their exact derivative. Errors "
     "are those of the amplitude. What stickslip returns is a cycle with a certificate, its "
     "multipliers and all modes of its motion; harmonic balance returns harmonics. A point of a "
-    f"response starts from the cycle of the frequency before, of {POINTS} between 0.9 and 1.1 "
-    "times that of the point alone.",
+    f"response starts from the state of the cycle before, of {POINTS} between 0.9 and 1.1 times "
+    "the frequency of the point alone. Times are those of the processor, the least of "
+    f"{ROUNDS} rounds.",
     "",
     "Contacts without a spring are left out. Their force jumps where a slip turns, so that its "
     "harmonics fall with 1/h only, and alternating frequency and time needs a spring in front of "
