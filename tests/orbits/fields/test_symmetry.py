@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.orbits.fields.symmetry import _merged  # pyright: ignore[reportPrivateUsage]
+from stickslip.orbits.fields.symmetry import _merged
 
 
 @pytest.mark.parametrize("timed", [False, True])

@@ -271,7 +271,7 @@ class Making(NamedTuple):
     kept: KeptModes
 
 
-def make_making(rows: Rows, waves: int, timed: bool) -> Making:
+def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
     """The same for closed forms."""
     n = int(rows.sizes[DIMENSION])
     ns = n + 2 + 2 * waves
@@ -290,7 +290,7 @@ def make_making(rows: Rows, waves: int, timed: bool) -> Making:
         up=z((n, waves), c),
         down=z((n, waves), c),
         ones=z((2, ns)),
-        kept=make_kept_modes(n),
+        kept=make_kept_modes(n if keeps else 0),
     )
 
 
@@ -346,9 +346,16 @@ class Flight(NamedTuple):
     making: Making
 
 
-def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
-    """Work space of the flights of a system with so many frequencies; `timed`: whether time acts on
-    it."""
+def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flight:
+    """Work space of the flights of a system with so many frequencies.
+
+    Parameters
+    ----------
+    timed : bool
+        Whether time acts on it.
+    keeps : bool
+        Whether eigenvectors of modes are kept.
+    """
     z = np.zeros
     c = np.complex128
     orders = GERM_ORDERS + 1
@@ -380,5 +387,5 @@ def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
-        making=make_making(rows, waves, timed),
+        making=make_making(rows, waves, timed, keeps),
     )
