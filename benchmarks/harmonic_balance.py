@@ -12,9 +12,9 @@ of harmonics has the fewest samples with which twice as many change the error by
 quarter, and the fewest that reach a goal.
 
 Errors are those of the amplitude (largest displacement of the mass, or of the tip), against the
-certified cycle, which is itself followed for a period by matrix exponentials. Times are medians of
-rounds in which all take turns, in one process: a point alone, and points of a response with ten
-frequencies, each of which starts from the one before. To
+certified cycle, which is itself followed for a period by matrix exponentials. Times are the least
+of rounds in which all take turns, of the processor, in one process: a point alone, and points of a
+response with ten frequencies, each of which starts from the one before. To
 ``benchmarks/results/harmonic_balance.md`` and ``harmonic_balance.png``, with the machine named.
 """
 
@@ -26,7 +26,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -54,8 +53,9 @@ NOTES = [
     "unknown, its force is computed from samples of half a period, and Newton's method uses their "
     "exact derivative. Errors are those of the amplitude. stickslip returns a cycle with a "
     "certificate, its multipliers and its modes; harmonic balance returns harmonics. A point of a "
-    f"response starts from the cycle at the previous frequency, of {POINTS} frequencies between "
-    "0.9 and 1.1 times that of the single point.",
+    f"response starts from the state of the previous cycle, of {POINTS} frequencies between 0.9 "
+    "and 1.1 times that of the single point. Times are processor times, minima of "
+    f"{ROUNDS} rounds.",
     "",
     "Contacts without a spring are not included. Their force jumps when a slip reverses, so its "
     "harmonics decrease only like 1/h, and the alternating frequency/time method needs a spring in "
@@ -369,14 +369,15 @@ def difference(problem: Problem, cycle: ss.Cycle) -> tuple[float, float]:
 
 
 def timed(jobs: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Medians of rounds in which all take turns; the first one does not count."""
+    """Least of rounds in which all take turns, in seconds of the processor; the first one does not
+    count."""
     found: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(ROUNDS + 1):
         for name, job in jobs.items():
-            begun = time.perf_counter()
+            begun = time.process_time()
             job()
-            found[name].append(time.perf_counter() - begun)
-    return {name: median(seconds[1:]) for name, seconds in found.items()}
+            found[name].append(time.process_time() - begun)
+    return {name: min(seconds[1:]) for name, seconds in found.items()}
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 A chain of 20 masses with one Jenkins element, by coordinates and by its matrices: a response
 around its first resonance. The catalogue's cantilever in 20 coordinates: a backbone of 30
-amplitudes. A chain of 100 masses with ten Jenkins elements: cycles from frequency to frequency, as
-a response has them. Seconds of a processor, the
-least of some rounds, without what declaring and compiling takes; prints the rows of the tables in
-``benchmarks/results/structures.md``.
+amplitudes. A chain of 100 masses with ten Jenkins elements: cycles from frequency to frequency,
+each from the state of the one before, and in small steps from the cycle before, as a response has
+them. Seconds of a processor, the least of some rounds, without what declaring and compiling takes;
+prints the rows of the tables in ``benchmarks/results/structures.md``.
 """
 
 from __future__ import annotations
@@ -131,6 +131,20 @@ def cycles(system: ss.System, first: float, points: int) -> str:
     return f"{min(times[1:]):.1f} to {max(times[1:]):.1f} s a point after the first, {said}"
 
 
+def followed(system: ss.System, first: float, points: int) -> str:
+    """Cycles each of which is followed from the one before, with their certificates."""
+    found = ss.find_cycle(system, parameters={"omega": 0.98 * first})
+    times: list[float] = []
+    good = True
+    for k in range(1, points + 1):
+        begun = time.process_time()
+        found = ss.find_cycle(system, found, parameters={"omega": (0.98 + 3e-4 * k) * first})
+        good = found.certificate.ok and good
+        times.append(time.process_time() - begun)
+    said = "certified" if good else "not certified"
+    return f"{min(times):.2f} to {max(times):.2f} s a point, {said}"
+
+
 def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -148,6 +162,7 @@ def main() -> None:
         large = by_matrices(100, 10)
         body = large.structures["u"]
         print(f"large: {cycles(large, float(body.frequencies[0]), 4)}")
+        print(f"large, followed: {followed(large, float(body.frequencies[0]), 4)}")
 
 
 if __name__ == "__main__":

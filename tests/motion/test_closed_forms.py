@@ -18,10 +18,12 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.closed_forms import make_form
 from stickslip.motion.affine.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.affine.forms import AFFINE, SMOOTH, ClosedForms, Flight
+from stickslip.motion.affine.kept_modes import USED
 from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.motion.affine.signals import rough_acos
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import Constants, FlowOfMany, Machine
+from stickslip.sweeps.work.device import desk_for
 
 
 @entry_point()
@@ -280,6 +282,40 @@ def test_a_million_radians_are_certified() -> None:
     assert motion.certificate.ok, motion.certificate.describe()
     rate, at = 1e5, 0.6e-10
     assert motion.final["x"] == pytest.approx(at * (1.0 - math.cos(rate * 10.0)), abs=1e-8 * at)
+
+
+@pytest.mark.parametrize("modes", [9, 24])
+def test_kept_eigenvectors_change_no_bit(modes: int) -> None:
+    """Modes at other frequencies, amplitudes and thresholds, made by a work space that has seen
+    them, and by new ones."""
+    n = modes
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    body = ss.Structure(np.diag(1.0 + 0.1 * np.arange(n)), K, 0.02 * K)
+    system = ss.System(
+        "chain",
+        parameters={"omega": 0.3, "F": 1.0, "F_c": 0.5, "k": 0.7},
+        structures={"u": body},
+        forces={f"u[{n - 1}]": "F*cos(omega*t)"},
+        contacts={
+            f"rub_{i}": ss.laws.jenkins(f"d_u[{i}]", F_c="F_c", k="k") for i in (n // 3, n // 2)
+        },
+    )
+    shared = None
+    every = [(0.3, 1.0, 0.5, 0.7), (0.31, 2.0, 0.5, 0.7), (0.31, 2.0, 0.1, 0.7)]
+    for values in [*every, (0.31, 2.0, 0.1, 0.8), every[0]]:
+        problem = pose(system, dict(zip(system.parameters, values, strict=True)))
+        mode, reg = all_modes(problem)
+        shared = shared or problem.flight()
+        T = problem.empty_forms(1, len(mode))
+        constants = Constants(*(part[None] for part in problem.constants))
+        fill(problem.machine, problem.flow(constants), T, shared, mode, reg)
+        for name, a, b in zip(T._fields, T, closed_forms(problem, mode, reg), strict=True):
+            np.testing.assert_array_equal(a, b, name)
+    # Directions of slip do not change the matrices, and of the numbers only the stiffness does.
+    assert shared is not None
+    assert int(shared.making.kept.used[USED]) == 2 * 2**2
+    # On a device each of thousands of lanes has its own work space.
+    assert len(desk_for(pose(system, {})).flight.making.kept.blocks) == 0
 
 
 def rod(push: float, axis: float = 1.0) -> ss.System:

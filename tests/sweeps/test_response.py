@@ -12,10 +12,11 @@ import pytest
 from oracles import den_hartog
 from oracles.jenkins import Jenkins, Response, response
 from orbits.examples import dragged, jenkins
-from stickslip import FrequencyResponse, Inertial, System, catalogue, frequency_response
+from stickslip import Cycle, FrequencyResponse, Inertial, System, catalogue, frequency_response
 from stickslip import open as open_result
 from stickslip.errors import DeclarationError
 from stickslip.results import Completion
+from stickslip.sweeps.carried import carried
 from systems import parameters
 
 LEVELS = [0.3, 0.8, 1.5]
@@ -181,6 +182,19 @@ def test_sweeps_part_between_folds() -> None:
     assert np.all((inside >= folds[0] - 1e-6) & (inside <= folds[1] + 1e-6))
     assert set(np.unique(data["line"].values)) == {0}
     assert np.all(data["slips"].values == 1)  # no contact could stick
+
+
+def test_sweeps_on_lines_settle_as_those_without_lines() -> None:
+    """The cycles that a sweep takes from a line are those that its motion settles on by itself."""
+    data, system = bent().dataset, bent().system
+    for direction in ("up", "down"):
+        values = data["swept_omega"].values[:: 1 if direction == "up" else -1]
+        met = dict(zip(values, carried(system, "omega", values.tolist()), strict=True))
+        amplitudes = data["swept_amplitude"].sel(direction=direction)[0].values
+        for omega, amplitude in zip(data["swept_omega"].values, amplitudes, strict=True):
+            cycle, _ = met[omega]
+            assert isinstance(cycle, Cycle)
+            assert amplitude == pytest.approx(0.5 * np.ptp(cycle.extrema["x"]), rel=1e-9)
 
 
 def test_the_first_harmonic_of_a_bent_resonance_is_about_that_of_averaging() -> None:

@@ -230,10 +230,11 @@ class Problem:
         layout = self.compiled.layout
         return flagged(make_space(self.rows, layout.rows, layout.magnitudes, self.order))
 
-    def flight(self) -> Flight:
-        """New work space for the closed forms."""
+    def flight(self, keeps: bool = True) -> Flight:
+        """New work space for the closed forms; `keeps`: as of
+        :func:`stickslip.motion.affine.forms.make_flight`."""
         layout = self.compiled.layout
-        return make_flight(self.rows, layout.frequencies, layout.timed)
+        return make_flight(self.rows, layout.frequencies, layout.timed, keeps)
 
     @cached_property
     def rows(self) -> Rows:

@@ -7,7 +7,7 @@ Frequency responses ask for the cycle; maps, which carry the state in the same w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
@@ -25,6 +25,8 @@ from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, ta
 _NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there
 _THERE = 1e-9  # in units of the cycle: no distance
 _LOOKS = 7  # at 1, 2, 4, … periods more
+_MOST_LOOKS = 10  # … and so many where each of them is nearer by this factor
+_SLOWLY = 0.9
 
 
 def carried(
@@ -35,13 +37,13 @@ def carried(
     parameters: Mapping[str, float] | None = None,
     initial: Mapping[str, float] | None = None,
     progress: Callable[[int], None] | None = None,
-    known: Mapping[float, Cycle | str] | None = None,
+    known: Callable[[float], Iterable[Cycle]] | None = None,
 ) -> Iterator[tuple[Cycle | str, bool]]:
     """The cycles that a motion settles on while a parameter takes one value after the other.
 
-    Each motion starts from the state of the last one, at the same phase of the drives. Where the
-    last cycle can be followed to the new value, or one is known there, it is enough that the motion
-    has come to a fifth of its first distance from it; elsewhere it is followed until it has
+    Each motion starts from the state of the last one, at the same phase of the drives. Where a
+    cycle is known at the new value, or the last one can be followed to it, it is enough that the
+    motion has come to a fifth of its first distance from it; elsewhere it is followed until it has
     settled.
 
     Parameters
@@ -54,8 +56,8 @@ def carried(
         State of the first motion; by default the declared one.
     progress : callable, optional
         Called with the number of each value before it is taken.
-    known : mapping of float to Cycle or str, optional
-        What another sweep has met, by the value.
+    known : callable, optional
+        Takes a value, and returns cycles that are known there; asked before each motion.
 
     Yields
     ------
@@ -77,11 +79,11 @@ def carried(
         else:
             start, state = taken_up(system, handed, own)
         before, cycle = cycle, None
-        seen = (known or {}).get(float(value))
-        if isinstance(seen, Cycle) and _approached(seen, start, state):
-            cycle = seen
+        there = [*known(float(value))] if known is not None else []
+        there.sort(key=lambda seen: seen.closed.distance(state, start))
+        cycle = next((seen for seen in there if _approached(seen, start, state)), None)
         followed = False
-        if cycle is None and before is not None:
+        if cycle is None and before is not None and not there:
             cycle = _followed(before, parameter, float(value), start, state)
             followed = cycle is not None
         if cycle is None:
@@ -123,6 +125,8 @@ def _followed(
 ) -> Cycle | None:
     """The cycle that another one becomes at the next value of a parameter, if the motion from a
     state is seen to approach it."""
+    if cycle.closed.shooting.setting.held:
+        return None
     try:
         found = moved(cycle, {parameter: value}, halvings=2)
     except ConvergenceError:
@@ -137,14 +141,17 @@ def _approached(cycle: Cycle, time: float, state: Array) -> bool:
     if closed.shooting.setting.held or repels(closed):
         return False
     first = closed.distance(state, time)
-    periods = 1.0
-    for _ in range(_LOOKS):
-        motion = follow_freely(closed.orbit.problem, time, time + periods * cycle.period, state)
+    last = first
+    for look in range(_MOST_LOOKS):
+        end = time + 2.0**look * cycle.period
+        motion = follow_freely(closed.orbit.problem, time, end, state)
         if motion.outcome is not Outcome.FINISHED:
             return False
         time, state = float(motion.knots.time[-1]), motion.knots.state[-1]
         now = closed.distance(state, time)
         if now <= max(_NEARER * first, _THERE):
             return True
-        periods *= 2.0
+        if look + 1 >= _LOOKS and not now <= _SLOWLY * last:
+            return False
+        last = now
     return False

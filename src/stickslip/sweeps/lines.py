@@ -4,8 +4,8 @@ parameter.
 A line is a branch of cycles, stable or not, with its folds
 (:func:`~stickslip.orbits.branches.cycle_branch.continue_cycle`). Where lines begin is what sweeps
 tell that carry the state up and down: whatever these have settled on that is on no line yet begins
-another one. So where the damper never slips is a part of a line, and a line that is apart from the
-others is found if a sweep meets it.
+another one, and from then on they look for their cycles on it first. So where the damper never
+slips is a part of a line, and a line that is apart from the others is found if a sweep meets it.
 
 With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
 the coordinate lags behind.
@@ -28,15 +28,14 @@ from stickslip.errors import ConvergenceError, DeclarationError, listing, short,
 from stickslip.model.quantities import ENERGIES
 from stickslip.model.system import Output, System
 from stickslip.motion.between.formulas import read_formula
-from stickslip.motion.problem import checked_values, pose
+from stickslip.motion.problem import checked_values
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.branch import Branch
 from stickslip.orbits.continuation.path import StepControl
-from stickslip.orbits.cycles.cycle import Cycle, make_cycle
+from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.drive_phase import read_drive
 from stickslip.orbits.cycles.find_cycle import find_cycle
-from stickslip.orbits.cycles.finding import from_state
 from stickslip.progress import Show, watched
 from stickslip.stopping.scopes import TimeUp, check_stop, limited
 from stickslip.sweeps.carried import carried, moved
@@ -246,6 +245,7 @@ def _follow(
         Takes how much is done, and what.
     """
     wanted = lines.wanted
+    on_lines = _OnLines(lines)
     beside: dict[Cycle | str, list[Cycle | str]] = {}
     for k, direction in enumerate(DIRECTIONS):
         values = lines.grid if direction == "up" else lines.grid[::-1]
@@ -256,6 +256,10 @@ def _follow(
             text = f"sweep {DIRECTIONS[k]}, {wanted.parameter} = {values[i]:.6g}"
             show((k + i / len(values)) / 3.0, text)
 
+        def known(value: float, up: dict[float, Cycle | str] = up) -> list[Cycle]:
+            seen = [c for c in [up.get(value)] if isinstance(c, Cycle)]
+            return [*seen, *(c for c in on_lines.at(value) if c not in seen)]
+
         for found, followed in carried(
             wanted.system,
             wanted.parameter,
@@ -263,36 +267,94 @@ def _follow(
             parameters=wanted.fixed,
             initial=initial,
             progress=tell,
-            known=up,
+            known=known,
         ):
             if followed:
                 beside.setdefault(found, []).append(met[-1])
                 beside.setdefault(met[-1], []).append(found)
             met.append(found)
+            # Where a contact rests that never slips is told by neighbours that slip.
+            if isinstance(found, Cycle) and not found.closed.shooting.setting.held:
+                on_lines.place(found, [], steps)
     show(2.0 / 3.0, "lines")
     cycles = list[Cycle]()
     for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
         x = wanted.told_by
         cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
-    # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
-    branches = lines.branches
-    line_of: dict[Cycle | str, Branch] = {}
     for cycle in cycles:
+        on_lines.place(cycle, beside.get(cycle, []), steps)
+    lines.peak = _peak(wanted, lines.branches)
+
+
+class _OnLines:
+    """Cycles of lines at values of the parameter, and on which line the cycles of sweeps are."""
+
+    def __init__(self, lines: Lines) -> None:
+        self.lines = lines
+        self.line_of: dict[Cycle | str, Branch] = {}
+        self._known: dict[tuple[Branch, float], list[Cycle]] = {}
+
+    def at(self, value: float) -> list[Cycle]:
+        """Where the lines so far pass a value."""
+        return [c for branch in self.lines.branches for c in self._of(branch, value)]
+
+    def place(self, cycle: Cycle, beside: list[Cycle | str], steps: StepControl | None) -> None:
+        """Note on which line a certified cycle of a sweep is; if it is on none, follow that through
+        it.
+
+        Parameters
+        ----------
+        beside : list of Cycle
+            Which were followed to it, or to which it was.
+        """
+        if cycle in self.line_of or not cycle.certificate.ok:
+            return
+        wanted, branches = self.lines.wanted, self.lines.branches
         # What was followed from a cycle on a line, and is near that line, is on it.
-        near = [line_of[c] for c in beside.get(cycle, []) if c in line_of]
+        near = [self.line_of[c] for c in beside if c in self.line_of]
         line = next((b for b in near if _spans(wanted, b, cycle)), None)
-        line = line or next((b for b in branches if _passes(wanted, b, cycle)), None)
+        line = line or next((b for b in branches if self._passes(b, cycle)), None)
         if line is None:
             line = continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps)
             branches.append(line)
             if line.outcome.interrupted:
                 raise KeyboardInterrupt
             check_stop()
-            lines.missed += not _passes(wanted, line, cycle)
-        line_of[cycle] = line
-    lines.peak = _peak(wanted, branches)
+            self.lines.missed += not self._passes(line, cycle)
+        self.line_of[cycle] = line
+
+    def _of(self, branch: Branch, value: float) -> list[Cycle]:
+        """Where a line passes a value."""
+        if (branch, value) not in self._known:
+            cycles = _passed(self.lines.wanted, branch, value)
+            self._known[branch, value] = cycles
+            self.line_of |= dict.fromkeys(cycles, branch)
+        return self._known[branch, value]
+
+    def _passes(self, branch: Branch, cycle: Cycle) -> bool:
+        """Whether a line passes a cycle: it has this one at its value."""
+        wanted = self.lines.wanted
+        there = self._of(branch, cycle.parameters[wanted.parameter])
+        return any(_alike(cycle, c, wanted.told_by) for c in there)
+
+
+def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
+    """The cycles of a line at a value of the parameter: its points there, and what those become
+    that are next to it."""
+    found = list[Cycle]()
+    where = branch.points[wanted.parameter].values
+    found += [branch._cycles[j] for j in np.flatnonzero(where == value).tolist()]
+    for i in np.flatnonzero((where[:-1] - value) * (where[1:] - value) < 0.0).tolist():
+        nearer = sorted((i, i + 1), key=lambda j: abs(where[j] - value))
+        for cycle in (branch._cycles[j] for j in nearer):
+            with suppress(ConvergenceError):
+                there = find_cycle(branch.system, cycle, parameters={wanted.parameter: value})
+                if any(i in pair for pair in _spans(wanted, branch, there)):
+                    found.append(there)
+                    break
+    return found
 
 
 def _spans(wanted: Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]:
@@ -312,22 +374,6 @@ def _spans(wanted: Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]
         if far <= _APART * np.max(np.abs(step)) + small:
             found.append((i, i + 1) if part < 0.5 else (i + 1, i))
     return found
-
-
-def _passes(wanted: Level, branch: Branch, cycle: Cycle) -> bool:
-    """Whether a branch passes a cycle: there are two points that enclose it, and at the value of
-    one of them it becomes that one."""
-    numbers = _along(branch, wanted.told_by)
-    small = _SAME * float(np.max(np.abs(numbers)))
-    where = branch.points[wanted.parameter].values
-    for j in (j for pair in _spans(wanted, branch, cycle) for j in pair):
-        try:
-            there = find_cycle(branch.system, cycle, parameters={wanted.parameter: float(where[j])})
-        except ConvergenceError:
-            continue
-        if np.max(np.abs(_numbers(there, wanted.told_by) - numbers[j])) <= small:
-            return True
-    return False
 
 
 def _along(branch: Branch, x: str) -> Array:
@@ -351,16 +397,6 @@ def _alike(one: Cycle, other: Cycle, x: str) -> bool:
     return bool(np.max(np.abs(a - b)) <= _SAME * np.max(np.abs(a)))
 
 
-def _cycle_at(branch: Branch, index: int) -> Cycle:
-    """The cycle of a point of a branch, closed again."""
-    point = branch.points.isel(point=index)
-    names = branch.system.declaration.state
-    values = {**branch.parameters, branch.parameter: float(point[branch.parameter])}
-    problem = pose(branch.system, {name: values[name] for name in branch.system.parameters})
-    state = np.array([float(point[name]) for name in names])
-    return make_cycle(from_state(problem, state, float(point["time"])))
-
-
 def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
     """The largest response: between the neighbours of the largest point if the parameter tells the
     cycles there apart, else (at a fold, at an end) that point."""
@@ -370,7 +406,7 @@ def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
     branch = max(branches, key=lambda b: float(b.points[amplitude].max()))
     where = branch.points[wanted.parameter].values
     top = int(np.argmax(branch.points[amplitude].values))
-    best = _cycle_at(branch, top)
+    best = branch._cycles[top]
     low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
     if low < where[top] < high:
         with suppress(ConvergenceError):

@@ -167,14 +167,14 @@ def test_eigenvectors_that_are_missing(k: float) -> None:
     spectra = make_spectra(1, 4, 0)
     spectra.matrix[0, :2, 2:] = np.eye(2)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose_piece(spectra, 0, np.array([False, False, True, True]), np.zeros((0, 4)))
+    rates = np.array([False, False, True, True])
+    equations = problem.compiled.equations
+    decompose_piece(equations, spectra, 0, rates, np.zeros((0, 4)))
     assert spectra.state[0] == DEFECTIVE
     # A force that holds the centre makes up for it: its velocity is zero all the time.
     spectra.rate[0] = math.sqrt(2.0 * k)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose_piece(
-        spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]])
-    )
+    decompose_piece(equations, spectra, 0, rates, np.array([[0.0, 0.0, 1.0, 1.0]]))
     assert spectra.state[0] == DECOMPOSED
 
 
@@ -222,7 +222,7 @@ def test_steps_of_a_piece_are_taken_as_one(
     equations = motion._problem.compiled.equations
     whole = variation(motion, Pieces(equations, free))
     ends = variation(motion, Pieces(equations, free), between=False)
-    unsound: Any = lambda spectra, w, *_: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731
+    unsound: Any = lambda _, spectra, w, *more: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731
     monkeypatch.setattr(variational, "decompose_piece", unsound)
     slow = variation(motion, Pieces(equations, free))
     size = np.max(np.abs(slow.after), axis=(1, 2), keepdims=True)

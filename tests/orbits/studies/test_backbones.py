@@ -259,7 +259,7 @@ def test_strong_damping_below_critical(ratio: float) -> None:
 
 @pytest.mark.parametrize("ratio", [1.01, 1.5, 3.0, 30.0])
 def test_overdamped_modes_have_no_backbone(ratio: float) -> None:
-    message = rf"mode 1 is overdamped: its damping ratio is {ratio:.2g}.*no backbone. Reduce"
+    message = rf"mode 1 is overdamped: its damping ratio is {ratio:.2g}.*no backbone there. Choose"
     with pytest.raises(ss.DeclarationError, match=message):
         ss.backbone(strongly_damped(ratio), (0.1, 1.0), points=3)
 
@@ -270,3 +270,38 @@ def test_overdamped_modes_name_those_that_are_not() -> None:
         ss.backbone(system, (0.1, 1.0), mode=2, points=3)
     for mode in (1, 3):
         assert ss.backbone(system, (0.1, 1.0), mode=mode, points=3).certificate.ok
+
+
+def hardening(c: float) -> ss.System:
+    """x'' + c x' + x + x³ = 0: with an excitation that balances the damping, c, it is free."""
+    return ss.System(
+        "hardening",
+        parameters={"c": c},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 + x**4/4",
+        viscous="c*d_x**2/2",
+    )
+
+
+@pytest.mark.parametrize("c", [0.1, 1.9, 2.0, 3.0, 10.0, 40.0])
+@pytest.mark.parametrize("span", [(0.05, 60.0), (5.0, 10.0), (20.0, 100.0)])
+def test_hardening_oscillators_begin_where_they_oscillate(
+    c: float, span: tuple[float, float]
+) -> None:
+    """Far from the linear mode, and overdamped at small amplitudes or at all of them: the period is
+    4 K(m)/√(1 + A²) with m = A²/(2 + 2A²)."""
+    A = np.geomspace(*span, 7)
+    omega = 0.5 * np.pi * np.sqrt(1.0 + A**2) / ellipk(A**2 / (2.0 + 2.0 * A**2))
+    swings = c / (2.0 * omega) < 1.0
+    if not np.any(swings):
+        with pytest.raises(ss.DeclarationError, match=r"overdamped.*Choose larger amplitudes"):
+            ss.backbone(hardening(c), span, points=7)
+        return
+    found = ss.backbone(hardening(c), span, points=7)
+    assert found.certificate.ok
+    np.testing.assert_allclose(found.amplitude, A[swings], rtol=1e-8)
+    np.testing.assert_allclose(found.frequency, omega[swings], rtol=1e-8)
+    np.testing.assert_allclose(found.damping, c / (2.0 * omega[swings]), rtol=1e-8)
+    assert len(found.notes) == np.sum(~swings)
+    assert all("the mode is overdamped" in note for note in found.notes)

@@ -28,6 +28,7 @@ from stickslip.motion.affine.forms import (
     ClosedForms,
     Making,
 )
+from stickslip.motion.affine.kept_modes import NOT_KEPT, keep, recall
 from stickslip.motion.affine.matrices import facet_row, linearise
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -172,11 +173,30 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
     What does not depend on each other is decomposed by itself, so that its zeros are exact zeros.
     """
     F = w.probes.F
+    exponent = T.exponent[slot]
+    find_parts(F, w.moving, w.part)
+    blocks = recall(w.kept, F, w.moving, w.part, exponent, w.V, w.L)
+    if blocks == NOT_KEPT:
+        blocks = solve_parts(T, w, slot)
+        keep(w.kept, F, w.moving, w.part, exponent, w.V, w.L, blocks)
+    for b in range(blocks):
+        for frequency in omega:
+            away = modulus(complex(0.0, frequency) - exponent[b])
+            if away <= _RESONANCE * frequency:
+                return -1
+    return int(blocks)
+
+
+@compiled()
+def solve_parts(T: ClosedForms, w: Making, slot: int) -> int:
+    """Eigenvectors of all parts, those that follow, and those that lead; returns as
+    :func:`find_blocks` does, whatever the drives are."""
+    F = w.probes.F
     n = len(w.moving)
     for i in range(n):
+        T.exponent[slot, i] = complex(0.0, 0.0)
         for j in range(n):
             w.V[i, j] = w.L[i, j] = complex(0.0, 0.0)
-    find_parts(F, w.moving, w.part)
     blocks = 0
     for head in range(n):
         if w.part[head] != head:
@@ -195,15 +215,7 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
         if blocks < 0:
             return -1
     blocks = add_leaders(T, w, slot, blocks)
-    if blocks < 0:
-        return -1
-    blocks = add_followers(T, w, slot, blocks)
-    for b in range(blocks):
-        for frequency in omega:
-            away = modulus(complex(0.0, frequency) - T.exponent[slot, b])
-            if away <= _RESONANCE * frequency:
-                return -1
-    return blocks
+    return -1 if blocks < 0 else int(add_followers(T, w, slot, blocks))
 
 
 @compiled()
@@ -710,6 +722,11 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     waves = T.b.shape[2]
     guards = T.counts[slot, GUARDS]
     first = T.c2.shape[1] - n
+    # Few components make the others drift: those that are still.
+    for j in range(ns):
+        w.ones[0, j] = 0.0
+        for b in range(blocks):
+            w.ones[0, j] = 1.0 if w.ramp[b, j] != 0.0j else w.ones[0, j]
     for row in range(first + n):
         if guards <= row < first:
             continue
@@ -737,6 +754,9 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
         T.c2[slot, row] = bend if abs(bend) > FEW_ROUNDINGS * terms else 0.0
         drifts = T.c2[slot, row] != 0.0
         for j in range(ns):
+            T.c1[slot, row, j] = 0.0
+            if w.ones[0, j] == 0.0 and j != n:
+                continue
             slope = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
             terms = abs(slope)
             for b in range(blocks):

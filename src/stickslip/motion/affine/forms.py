@@ -17,6 +17,7 @@ from stickslip.arrays import (
     Vector,
 )
 from stickslip.motion.affine.eigenvalues import Eigenproblem, make_eigenproblem
+from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
 from stickslip.motion.affine.matrices import Probes, make_probes
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
@@ -250,6 +251,8 @@ class Making(NamedTuple):
     up, down : arrays of complex, shape (n, waves)
         What swings in w as exp(iωₘt) and as exp(−iωₘt).
     ones : array, shape (2, ns)
+    kept : KeptModes
+        Eigenvectors of modes that this work space has seen.
     """
 
     probes: Probes
@@ -264,9 +267,10 @@ class Making(NamedTuple):
     up: ComplexMatrix
     down: ComplexMatrix
     ones: Matrix
+    kept: KeptModes
 
 
-def make_making(rows: Rows, waves: int, timed: bool) -> Making:
+def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
     """The same for closed forms."""
     n = int(rows.sizes[DIMENSION])
     ns = n + 2 + 2 * waves
@@ -285,6 +289,7 @@ def make_making(rows: Rows, waves: int, timed: bool) -> Making:
         up=z((n, waves), c),
         down=z((n, waves), c),
         ones=z((2, ns)),
+        kept=make_kept_modes(n if keeps else 0),
     )
 
 
@@ -340,9 +345,16 @@ class Flight(NamedTuple):
     making: Making
 
 
-def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
-    """Work space of the flights of a system with so many frequencies; `timed`: whether time acts on
-    it."""
+def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flight:
+    """Work space of the flights of a system with so many frequencies.
+
+    Parameters
+    ----------
+    timed : bool
+        Whether time acts on it.
+    keeps : bool
+        Whether eigenvectors of modes are kept.
+    """
     z = np.zeros
     c = np.complex128
     orders = GERM_ORDERS + 1
@@ -374,5 +386,5 @@ def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
-        making=make_making(rows, waves, timed),
+        making=make_making(rows, waves, timed, keeps),
     )

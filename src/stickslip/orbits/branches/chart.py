@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -279,13 +278,14 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
     """Functions that vanish with a multiplier −1, a pair on the unit circle, and a multiplier 1
     that is no fold."""
-    pairs = [(1.0 - a * b) / (1.0 + abs(a * b)) for a, b in combinations(multipliers, 2)]
+    one, other = np.triu_indices(len(multipliers), 1)
+    pairs = multipliers[one] * multipliers[other]
     branching = np.prod((multipliers - 1.0) / (1.0 + np.abs(multipliers))).real
     # At a fold both the multiplier 1 and the slope are there, and their ratio is not known.
     known = abs(slope) > _NO_SLOPE and len(multipliers) > 0
     return {
         "period doubling": float(np.prod((multipliers + 1.0) / (1.0 + np.abs(multipliers))).real),
-        "torus": float(np.prod(pairs).real) if pairs else 1.0,
+        "torus": float(np.prod((1.0 - pairs) / (1.0 + np.abs(pairs))).real),
         "branch point": float(branching / slope) if known else np.nan,
     }
 

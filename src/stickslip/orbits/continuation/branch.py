@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from stickslip.orbits.cycles.cycle import Cycle
+
 
 SOLVED_TO = 1e-10
 """What may be left of the equations of a special point."""
@@ -159,6 +161,7 @@ class Branch(Result):
     ends: tuple[Ending, Ending]
     certificate: Certificate
     second: str = ""
+    _cycles: Sequence[Cycle] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         values = self.points[self.parameter].values

@@ -92,17 +92,23 @@ def _remembered(closed: Closed) -> float:
     for leg in closed.orbit.legs:
         k = leg.motion.knots
         n = len(sizes)
-        most = 1.0
+        # Events that coincide are passed as one.
         lasting = np.append(np.diff(k.time), np.inf) > TOGETHER * (k.time[-1] - k.time[0])
-        for i, piece in enumerate(leg.change.pieces):
-            if not lasting[i]:
-                continue  # events that coincide are passed as one
-            changes = leg.varied.after[i][:n, : leg.place.directions.shape[1]]
-            most = max(most, float(np.max(np.abs(changes) / sizes[:, None], initial=0.0)))
-            if piece.bound:
-                slopes = piece.bounds(float(k.time[i]), k.state[i], p).slopes[:, :n]
-                left = np.max(np.abs(slopes @ changes), axis=1, initial=0.0)
-                worst = max(worst, float(np.max(left / (np.abs(slopes) @ sizes * most))))
+        changes = leg.varied.after[:, :n, : leg.place.directions.shape[1]]
+        grown = np.max(np.abs(changes) / sizes[:, None], axis=(1, 2), initial=0.0)
+        most = np.maximum.accumulate(np.where(lasting, np.maximum(grown, 1.0), 1.0))
+        pieces = leg.change.pieces
+        for piece in dict.fromkeys(pieces):
+            own = np.array([i for i in np.flatnonzero(lasting).tolist() if pieces[i] is piece], int)
+            if not piece.bound or not len(own):
+                continue
+            points = own[:1] if piece.straight else own
+            slopes = np.array(
+                [piece.bounds(float(k.time[i]), k.state[i], p).slopes[:, :n] for i in points]
+            )
+            left = np.max(np.abs(slopes @ changes[own]), axis=2, initial=0.0)
+            terms = np.abs(slopes) @ sizes * most[own, None]
+            worst = max(worst, float(np.max(left / terms)))
     return worst
 
 

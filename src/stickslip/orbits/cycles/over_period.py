@@ -335,8 +335,13 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     every = np.zeros((2, n), complex)  # with panels, and with half as long ones
     sizes = np.zeros((2, n))  # of what is added up
     known = dict[int, Array]()
-    for i in np.flatnonzero(np.diff(k.time) > 0.0):
-        number = pieces.number(k.mode[i], k.region[i])
+    steps = np.flatnonzero(np.diff(k.time) > 0.0)
+    numbers = pieces.numbers(k.mode[steps], k.region[steps])
+    # Steps of one piece, one after the other, are one.
+    changed = (np.diff(numbers) != 0) | (np.diff(steps) != 1) | np.isin(steps[1:], motion._leaps)
+    begins = np.r_[True, changed]
+    firsts, lasts = steps[begins], steps[np.r_[begins[1:], True]]
+    for i, j, number in zip(firsts, lasts + 1, numbers[begins].tolist(), strict=True):
         piece = pieces.made[number]
         if not piece.constant:
             return None
@@ -344,10 +349,10 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
             y = np.zeros(n)
             (J,) = piece.jacobian(k.time[i : i + 1], y[:, None], p)
             known[number] = np.linalg.inv(1j * wave * np.eye(n) - J[:, :n])
-        a, b = float(k.time[i]), float(k.time[i + 1])
+        a, b = float(k.time[i]), float(k.time[j])
         ends = np.exp(-1j * wave * np.array([a, b]))
-        jump = k.state[i + 1] * ends[1] - k.state[i] * ends[0]
-        edge = np.abs(k.state[i + 1]) + np.abs(k.state[i])
+        jump = k.state[j] * ends[1] - k.state[i] * ends[0]
+        edge = np.abs(k.state[j]) + np.abs(k.state[i])
         for m in range(2):
             count = (m + 1) * math.ceil(_PARTS * fastest * (b - a) / (2.0 * np.pi))
             width = (b - a) / count

@@ -66,7 +66,7 @@ class Listing:
     """
 
     def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
-        if any(e.op == "select" for e in ex.walk(expressions)):
+        if any(e.op == "select" for e in ex.walk(dict.fromkeys(expressions))):
             raise ValueError("an expression with kinks is not smooth; fix its regions first")
         self.places: int = len(names)
         self._moving = moving
@@ -75,8 +75,11 @@ class Listing:
         self._needed: list[Provider] = []
         self._fixed: list[tuple[int, int, int, int, float]] = []
         self._others: list[tuple[int, int, int, int, float]] = []
-        values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
-        self.wanted: Array = np.array([self._value(values[e])[0] for e in expressions], np.int64)
+        # Of a Jacobian most are the same number.
+        every = dict.fromkeys(expressions)
+        values = scalars_of(every, {name: element("v", i) for i, name in enumerate(names)})
+        place = {e: self._value(values[e])[0] for e in every}
+        self.wanted: Array = np.array([place[e] for e in expressions], np.int64)
         listed = [*self._fixed, *self._others]
         self.once: int = len(self._fixed)
         self.code: Array = np.array([entry[:4] for entry in listed], np.int64).reshape(-1, 4)
@@ -175,7 +178,7 @@ class Evaluator:
     """
 
     def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
-        provided = any(provider_of(e.op) for e in ex.walk(expressions))
+        provided = any(provider_of(e.op) for e in ex.walk(dict.fromkeys(expressions)))
         # tables may be large, and are not remembered
         make = Listing if provided else _listing
         self.listing: Listing = make(tuple(expressions), tuple(names), moving)

@@ -12,7 +12,8 @@ composed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -114,6 +115,7 @@ class Surroundings:
     times: Array
     states: Array
     sizes: Array
+    _found: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def symmetry(self, p: Array, drives: Drives | None, cells: Array) -> Symmetry:
         """Invariance for given parameters, from what formulas say of drives (None: there are none)
@@ -148,26 +150,39 @@ class Surroundings:
     def _unchanged(self, p: Array) -> Array:
         """Basis of the directions of (t, y) along which nothing changes, shape (1 + n,
         directions)."""
+        key = p.tobytes()
+        if key not in self._found:
+            self._found[key] = self._unfelt(p)
+        return self._found[key]
+
+    def _unfelt(self, p: Array) -> Array:
+        """The same, computed."""
         rng = np.random.default_rng(0)
         n = len(self.sizes)
-        rates, others = [], []
+        rates, others = list[_Rows](), list[_Rows]()
         for piece, t, y in self._samples:
             around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
-            slopes = piece.dependence(t, around, p) * np.append(1.0, self.sizes)
+            slopes = piece.dependence(t, around, p)
             slopes = slopes[np.all(np.isfinite(slopes), axis=(1, 2))]
-            rates.append(slopes[:, :n])
-            others.append(slopes[:, n:].reshape(-1, 1 + n))
+            if len(slopes):
+                rates.append(_merged(slopes[:, :n], True))
+                others.append(_merged(slopes[:, n:], False))
+        units = np.append(1.0, self.sizes)
+        rates = [part._replace(rows=part.rows * units) for part in rates]
+        others = [_unit(part._replace(rows=part.rows * units)) for part in others]
         # A rate that is 0 in one piece up to rounding is measured by what it is in the others.
-        table = np.concatenate(rates)
-        size = np.max(np.abs(table), axis=(0, 2), keepdims=True, initial=0.0)
-        matrix = np.concatenate(
-            [(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)]
-        )
+        size = np.zeros(n)
+        for part in rates:
+            np.maximum.at(size, part.of, np.max(np.abs(part.rows), axis=1))
+        size = np.where(size > 0.0, size, 1.0)
+        every = [*(part._replace(rows=part.rows / size[part.of, None]) for part in rates), *others]
+        matrix = np.concatenate([np.zeros((0, 1 + n)), *(part.rows for part in every)])
+        weights = np.concatenate([np.zeros(0), *(part.weights for part in every)])
         # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
         # less than rounding is felt not at all.
         felt = np.max(np.abs(matrix), axis=0, initial=0.0)
         units = 1.0 / np.maximum(felt, LAST_DIGITS / RANK * np.max(felt) + TINIEST)
-        matrix = matrix * units
+        matrix = matrix * units * weights[:, None]
         # The triangle has the same singular values and directions as the many rows.
         triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
         _, s, v = np.linalg.svd(triangle)
@@ -179,27 +194,21 @@ class Surroundings:
         moves with them, or, where formulas do not show it, what the slopes say."""
         period, _, velocity = drives
         moved = period * velocity
-        rows = []
-        changes = []
-        terms = []
+        felt = [
+            (piece.felt(t, y, p), piece.felt(t + period, y + moved[:, None], p))
+            for piece, t, y in self._samples
+        ]
+        change = np.concatenate([(later - now).T.ravel() for now, later in felt])
+        terms = np.concatenate([(np.abs(now) + np.abs(later)).T.ravel() for now, later in felt])
+        if np.max(np.abs(_relative(change, terms))) <= NO_CHANGE:
+            return moved  # all the more beside what the slopes contribute to the terms
         n = len(self.sizes)
-        for piece, t, y in self._samples:
-            slopes = piece.dependence(t, y, p)
-            now = piece.felt(t, y, p)
-            later = piece.felt(t + period, y + moved[:, None], p)
-            rows.append(slopes[:, :, 1:].reshape(-1, n))
-            changes.append((later - now).T.ravel())
-            terms.append(
-                (np.abs(now) + np.abs(later) + period * np.abs(slopes[:, :, 0].T)).T.ravel()
-            )
-        matrix = np.concatenate(rows) * self.sizes
-        change = np.concatenate(changes)
-        size = np.max(np.abs(matrix), axis=1, initial=0.0) + np.concatenate(terms)
-        # What vanishes in a piece, as the acceleration in stick does, is rounding of what is large
-        # elsewhere.
-        size = np.maximum(size, LAST_DIGITS / NO_CHANGE * np.max(size) + TINIEST)
-        matrix = matrix / size[:, None]
-        change = change / size
+        slopes = [piece.dependence(t, y, p) for piece, t, y in self._samples]
+        matrix = np.concatenate([part[:, :, 1:].reshape(-1, n) for part in slopes]) * self.sizes
+        by_time = np.concatenate([np.abs(part[:, :, 0]).ravel() for part in slopes])
+        size = np.max(np.abs(matrix), axis=1, initial=0.0) + terms + period * by_time
+        matrix = _relative(matrix, size[:, None])
+        change = _relative(change, size)
         if np.max(np.abs(change)) <= NO_CHANGE:
             return moved
         shift = np.linalg.lstsq(matrix, -change, rcond=RANK)[0]
@@ -214,11 +223,53 @@ class Surroundings:
         )
 
 
-def _unit(rows: Array) -> Array:
+class _Rows(NamedTuple):
+    """Slopes of functions at some points, shape (rows, 1 + n), without those that are the same
+    again: how much each row counts, and of which function it is."""
+
+    rows: Array
+    weights: Array
+    of: Array
+
+
+def _merged(slopes: Array, timed: bool) -> _Rows:
+    """Rows with the same singular values and directions as the slopes of functions at points, shape
+    (points, functions, 1 + n): one for each function whose slopes are the same at all points.
+
+    Parameters
+    ----------
+    timed : bool
+        Whether slopes by time may differ; their mean is then in that row, and their deviation in
+        another one.
+    """
+    points, _, width = slopes.shape
+    alike = np.all(slopes[1:, :, 1:] == slopes[:1, :, 1:], axis=(0, 2))
+    if not timed:
+        alike &= np.all(slopes[1:, :, 0] == slopes[:1, :, 0], axis=0)
+    same, others = np.flatnonzero(alike), np.flatnonzero(~alike)
+    mean = slopes[0, same]
+    off = np.zeros_like(mean)
+    if timed:
+        mean[:, 0] = np.mean(slopes[:, same, 0], axis=0)
+        off[:, 0] = np.sqrt(np.mean((slopes[:, same, 0] - mean[:, 0]) ** 2, axis=0))
+    rows = np.vstack([slopes[:, others].reshape(-1, width), mean, off])
+    weights = np.repeat([1.0, np.sqrt(points)], [points * len(others), 2 * len(same)])
+    of = np.concatenate([np.tile(others, points), same, same])
+    some = np.any(rows != 0.0, axis=1)
+    return _Rows(rows[some], weights[some], of[some])
+
+
+def _relative(values: Array, size: Array) -> Array:
+    """Values relative to sizes of terms. What vanishes in a piece, as the acceleration in stick
+    does, is rounding of what is large elsewhere."""
+    return values / np.maximum(size, LAST_DIGITS / NO_CHANGE * np.max(size) + TINIEST)
+
+
+def _unit(part: _Rows) -> _Rows:
     """Rows with largest component 1; those that are only rounding are left out."""
-    size = np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0)
-    kept = size[:, 0] > ROUNDED_SUM * np.max(size, initial=0.0)
-    return rows[kept] / size[kept]
+    size = np.max(np.abs(part.rows), axis=1, initial=0.0)
+    some = size > ROUNDED_SUM * np.max(size, initial=0.0)
+    return _Rows(part.rows[some] / size[some, None], part.weights[some], part.of[some])
 
 
 def _split(free: Array) -> tuple[Array, Array | None]:

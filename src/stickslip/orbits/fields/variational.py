@@ -143,7 +143,8 @@ def variation(
             nq = int(problem.rows.sizes[INERTIAL])
             place = np.arange(run.knots.state.shape[1])
             rates = (place >= nq) & (place < 2 * nq)
-            decompose_piece(listed.spectra, w, rates, _held(trajectory, pieces.made[w], run, w))
+            held = _held(trajectory, pieces.made[w], run, w)
+            decompose_piece(pieces.equations, listed.spectra, w, rates, held)
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == STRUCK:

@@ -50,11 +50,16 @@ def cycle_slope(closed: Closed, name: str) -> CycleSlope:
 
 
 def _solved(closed: Closed, name: str) -> CycleSlope:
-    problem = closed.orbit.problem
-    pieces = Pieces(problem.compiled.equations, name)
-    exact = flies(closed.orbit.motion)
-    shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=exact))
-    orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[name]))
+    shooting, orbit = closed.shooting, closed.orbit
+    if shooting.free != name:
+        problem = orbit.problem
+        exact = flies(orbit.motion)
+        if exact != problem.exact:  # a new problem has to make its closed forms
+            problem = replace(problem, exact=exact)
+        pieces = Pieces(problem.compiled.equations, name)
+        unknowns = orbit.x[:-1] if shooting.free else orbit.x
+        shooting = shooting.with_pieces(pieces, problem)
+        orbit = shooting.orbit(np.append(unknowns, problem.parameters[name]))
     # The unknowns of the cycle over the parameter, by the implicit function theorem.
     change = np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0]
     place = orbit.legs[0].place
@@ -66,4 +71,4 @@ def _solved(closed: Closed, name: str) -> CycleSlope:
         + known.by_parameter
         + shooting.symmetry.shifts @ change[shooting.drifts]
     )
-    return CycleSlope(orbit, pieces, state, shift, period)
+    return CycleSlope(orbit, shooting.pieces, state, shift, period)

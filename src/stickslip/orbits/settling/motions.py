@@ -309,7 +309,7 @@ class Block:
         return Engine(
             p.machine,
             p.flow(lanes.constants)._replace(space=p.space()),
-            p.flight(),
+            p.flight(False),
             lanes.forms,
             lanes.group,
             lanes.codes,
@@ -460,8 +460,17 @@ class Here:
     @property
     def engine(self) -> Engine:
         """With the flags of this thread."""
-        self._engine = _flagged_engine(self._engine)
+        self._engine = self._of_this_thread(self._engine)
         return self._engine
+
+    def _of_this_thread(self, engine: Engine) -> Engine:
+        """An engine with the flags of this thread, and with the modes that it keeps."""
+        flow, flight = engine.flow, engine.flight
+        kept = self.block.problem.shared_flight.making.kept
+        return engine._replace(
+            flow=flow._replace(space=flagged(flow.space)),
+            flight=flight._replace(making=flight.making._replace(kept=kept)),
+        )
 
     def settle(self) -> None:
         """Settle only."""
@@ -478,7 +487,8 @@ class Here:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        twins = self._twins = _flagged_engine(self._twins or self.block.engine(self.block.twins))
+        twins = self._twins or self.block.engine(self.block.twins)
+        twins = self._twins = self._of_this_thread(twins)
         exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found)
 
     def ask(self) -> None:
@@ -492,12 +502,6 @@ class Here:
 
     def remember(self) -> None:
         """Everything is here."""
-
-
-def _flagged_engine(engine: Engine) -> Engine:
-    """An engine with the flags of this thread."""
-    flow = engine.flow
-    return engine._replace(flow=flow._replace(space=flagged(flow.space)))
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:

@@ -47,8 +47,8 @@ _KNOWN = 3e-3  # of the amplitude: a miss at which its derivative is not made an
 _MOST_STEPS = 20
 _HALVINGS = 5  # of one of them
 _BALANCES = 3  # rounds in which the excitation is guessed
-_SAMPLED = 64  # of the period in which that is done
-_STRONGEST = 20.0  # growth rate of the guess, in a period
+_SAMPLED, _IN_STEP = 64, 4  # of the period in which that is done, and of a step, at least
+_STRONGEST = 20.0  # growth rate of the guess, in a period, beyond the linear damping
 _OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
@@ -69,6 +69,16 @@ class AtAmplitude:
     cycle: Cycle
     amplitude: float
     measured: float
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio D = ξ/(2ω)."""
+        return self.cycle.parameters[EXCITATION] * self.cycle.period / (4.0 * np.pi)
+
+    @property
+    def overdamped(self) -> bool:
+        """Whether nothing oscillates without the excitation."""
+        return self.damping >= 1.0 - SAME_VALUE
 
 
 def share_of(problem: Problem, mode: LinearMode, swinging: Swinging) -> float:
@@ -155,9 +165,7 @@ class Amplitudes:
         start |= {f"d_{x}": float(v) for x, v in zip(names, rates, strict=True)}
         y = self.problem.initial_state(start)
         # With its linear damping made up for, the motion lasts for the periods that are looked at.
-        mode = self.mode
-        excitation = 0.0 if mode.overdamped else 2.0 * mode.damping * mode.frequency
-        return self._near(excitation, y, 2.0 * np.pi / mode.frequency)
+        return self._near(self.mode.decay, y, 2.0 * np.pi / self.mode.frequency)
 
     def _near(self, excitation: float, y: Array, period: float) -> tuple[Shooting, Array]:
         """The equations near the motion from a state that nearly comes back after a period, with
@@ -165,27 +173,33 @@ class Amplitudes:
 
         Sliders behind springs have settled after half a period.
         """
+        rests = ConvergenceError(
+            f"a backbone of {self.system.name}",
+            "the motion comes to rest within a period",
+            "Choose larger amplitudes",
+        )
         for _ in range(_BALANCES):
             problem = self.problem.at(EXCITATION, excitation)
-            motion = follow_freely(problem, 0.0, 1.5 * period, y)
+            before = follow_freely(problem, 0.0, 0.5 * period, y)
+            begin = before.knots
+            motion = follow_freely(problem, float(begin.time[-1]), 1.5 * period, begin.state[-1])
             if self.problem.exact and not flies(motion):
                 # A closed form is made for one set of parameters; here every motion has its own.
                 self.problem = replace(self.problem, exact=False)
-            times = period * (0.5 + np.arange(_SAMPLED + 1) / _SAMPLED)
-            steps = np.searchsorted(motion.knots.time, times, side="right") - 1
-            states = motion._states_at(times, np.clip(steps, 0, len(motion.knots.time) - 2))
+            knots = motion.knots
+            if len(knots.time) < 2:
+                raise rests
+            count = max(_SAMPLED, _IN_STEP * len(knots.time))
+            times = np.linspace(knots.time[0], knots.time[-1], count + 1)
+            steps = np.searchsorted(knots.time, times, side="right") - 1
+            states = motion._states_at(times, np.clip(steps, 0, len(knots.time) - 2))
             n = len(self.mode.shape)
             rates = states[:-1, n : 2 * n]
             twice = np.einsum("ti,ij,tj->t", rates, self.mode.mass, rates)
-            spent = motion.audit.dissipated
-            lost = float(spent[-1] - np.interp(0.5 * period, motion.knots.time, spent))
+            lost = float(motion.audit.dissipated[-1])
             excitation = ratio(lost, period * float(np.mean(twice)))
-            if not excitation * period <= _STRONGEST:
-                raise ConvergenceError(
-                    f"a backbone of {self.system.name}",
-                    "the motion comes to rest within a period",
-                    "Choose larger amplitudes",
-                )
+            if not (excitation - self.mode.decay) * period <= _STRONGEST:
+                raise rests
         problem = self.problem.at(EXCITATION, excitation)
         motion = follow_state(problem, 0.0, 2.5 * period, y)
         k = motion.knots
@@ -265,7 +279,7 @@ class Amplitudes:
 
     def _tried(self, shooting: Shooting, x: Array) -> Orbit:
         """The motion of some unknowns, unless it would grow beyond all bounds."""
-        if not abs(x[-1]) * x[shooting.time] <= _STRONGEST:
+        if not abs(x[-1] - self.mode.decay) * x[shooting.time] <= _STRONGEST:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
                 f"no cycle was found: the excitation became {x[-1]:.4g}",
@@ -401,13 +415,6 @@ class Amplitudes:
 
     def _certified(self, shooting: Shooting, orbit: Orbit) -> tuple[Shooting, Orbit]:
         """A cycle, if it is one."""
-        damping = orbit.problem.parameters[EXCITATION] * orbit.period / (4.0 * np.pi)
-        if self.mode.overdamped and damping >= 1.0 - SAME_VALUE:
-            raise ConvergenceError(
-                f"a backbone of {self.system.name}",
-                f"the mode is overdamped: its damping ratio is {damping:.6g}",
-                "Choose other amplitudes",
-            )
         certificate = self.cycle(shooting, orbit).certificate
         if not certificate.ok:
             raise ConvergenceError(

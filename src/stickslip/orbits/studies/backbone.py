@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 
 _SAMPLES = 64  # of a period, and around the highest of them
 _AGREES = 1e-8  # to which the amplitude is that which is wanted
+_SMALLER, _MOST_SMALLER = 0.25, 8  # amplitudes tried below those that are wanted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -256,7 +257,7 @@ def backbone(
     DeclarationError
         If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
         not constant, small oscillations of the mode do not change the quantity, or the mode is
-        overdamped.
+        overdamped at all amplitudes. Amplitudes at which it is are noted.
     ConvergenceError
         If no cycle is found at any amplitude.
 
@@ -304,17 +305,19 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
-    if not work.found and chosen.overdamped:
-        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped]
+    if not work.kept and (chosen.overdamped or work.found):
+        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped and i != mode]
+        known = [one.damping for one in work.found.values()] or [chosen.damping]
+        remedies = ["choose larger amplitudes if the system hardens", "reduce the damping"]
+        remedies[:0] = [f"choose one of the modes {', '.join(others)}"] if others else []
         raise DeclarationError(
             "mode",
             f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
-            "oscillations, so it does not oscillate and has no backbone",
-            f"Choose one of the modes {', '.join(others)}, or reduce the damping"
-            if others
-            else "Reduce its damping below critical",
+            f"oscillations and at least {min(known):.6g} at the amplitudes found, so it does not "
+            "oscillate and has no backbone there",
+            ", or ".join(remedies).capitalize(),
         )
-    if not work.found:
+    if not work.kept:
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
@@ -322,7 +325,8 @@ def backbone(
 
 
 class _Work:
-    """Looks for a cycle of every amplitude, from the ends and from between."""
+    """Looks for a cycle of every amplitude, from the ends and from between; if the motion is far
+    from that of the linear mode at all of them, from smaller ones."""
 
     def __init__(self, seeker: Amplitudes, wanted: Array) -> None:
         self.seeker = seeker
@@ -331,43 +335,63 @@ class _Work:
         self.reasons: dict[int, str] = {}
         self.failure: ConvergenceError | None = None
 
+    @property
+    def kept(self) -> dict[int, AtAmplitude]:
+        """The cycles found, without those at which a mode is overdamped that is for small ones."""
+        linear = self.seeker.mode.overdamped
+        return {i: one for i, one in self.found.items() if not (linear and one.overdamped)}
+
     def run(self, show: Callable[[float, str], None]) -> None:
         """Begin somewhere and follow both ways, until there is nowhere left to begin."""
+        for i in _order(len(self.wanted)):
+            if i not in self.found:
+                self._begin(i, float(self.wanted[i]), show)
+        for power in range(1, _MOST_SMALLER + 1):
+            if self.found:
+                break
+            self._begin(0, float(self.wanted[0]) * _SMALLER**power, show)
+
+    def _begin(self, i: int, amplitude: float, show: Callable[[float, str], None]) -> None:
+        """Begin at an amplitude, and follow to the i-th and those behind it, and to those before
+        it."""
+        try:
+            first = self.seeker.first(amplitude)
+        except (StickslipError, ArithmeticError, np.linalg.LinAlgError) as failure:
+            self.reasons.setdefault(i, str(failure))
+            if isinstance(failure, ConvergenceError):
+                self.failure = self.failure or failure
+            return
         count = len(self.wanted)
-        for i in _order(count):
-            if i in self.found:
-                continue
-            try:
-                first = self.seeker.first(float(self.wanted[i]))
-            except (StickslipError, ArithmeticError, np.linalg.LinAlgError) as failure:
-                self.reasons[i] = str(failure)
-                if isinstance(failure, ConvergenceError):
-                    self.failure = self.failure or failure
-                continue
-            for way in (range(i, count), range(i - 1, -1, -1)):
-                free = list[int]()
-                for k in way:
-                    if k in self.found:
-                        break
-                    free.append(k)
-                left = iter(free)
+        for way in (range(i, count), range(i - 1, -1, -1)):
+            free = list[int]()
+            for k in way:
+                if k in self.found:
+                    break
+                free.append(k)
+            left = iter(free)
 
-                def take(one: AtAmplitude, left: Any = left) -> None:
-                    self.found[next(left)] = one
-                    text = f"amplitude {one.amplitude:.6g}"
-                    show(len(self.found) / count, text)
+            def take(one: AtAmplitude, left: Any = left) -> None:
+                self.found[next(left)] = one
+                text = f"amplitude {one.amplitude:.6g}"
+                show(len(self.found) / count, text)
 
-                why = self.seeker.follow(first, self.wanted[free], take)
-                self.reasons |= dict.fromkeys(list(left)[:1], why)
+            why = self.seeker.follow(first, self.wanted[free], take)
+            self.reasons |= dict.fromkeys(list(left)[:1], why)
 
     def notes(self) -> list[str]:
-        """Amplitudes without a cycle, in words."""
-        return [
-            f"no cycle at the amplitude {a:.6g}"
-            + (f": {self.reasons[i]}" if i in self.reasons else "")
-            for i, a in enumerate(self.wanted.tolist())
-            if i not in self.found
-        ]
+        """Amplitudes without a cycle, or at which the mode is overdamped, in words."""
+        kept, notes = self.kept, list[str]()
+        for i, a in enumerate(self.wanted.tolist()):
+            if i not in self.found:
+                why = f": {self.reasons[i]}" if i in self.reasons else ""
+                notes.append(f"no cycle at the amplitude {a:.6g}{why}")
+            elif i not in kept:
+                ratio = self.found[i].damping
+                notes.append(
+                    f"at the amplitude {a:.6g} the mode is overdamped: its damping ratio is "
+                    f"{ratio:.6g}"
+                )
+        return notes
 
 
 def _order(count: int) -> list[int]:
@@ -395,7 +419,7 @@ def _result(
     import xarray as xr
 
     swinging, linear = work.seeker.swinging, work.seeker.mode
-    found = [work.found[i] for i in sorted(work.found)]
+    found = [one for _, one in sorted(work.kept.items())]
     harmonics = [_harmonic(one.cycle, swinging) for one in found]
     table = [
         {**_measured(system, linear, one), "harmonic": abs(c)}

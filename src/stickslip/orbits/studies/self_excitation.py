@@ -58,6 +58,11 @@ class LinearMode:
         """Whether the mode, if its oscillations are small, does not oscillate."""
         return self.damping >= 1.0 - SAME_VALUE
 
+    @property
+    def decay(self) -> float:
+        """Excitation ξ that makes up for the linear damping."""
+        return 2.0 * self.damping * self.frequency
+
 
 def self_excited(system: System, values: Mapping[str, float]) -> System:
     """The system with the additional force ξ·(momentum) on every inertial coordinate.

@@ -118,8 +118,8 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
 
 
 def desk_for(problem: Problem) -> Desk:
-    """Work space of a thread."""
-    return Desk(problem.space(), problem.flight(), make_bench(problem, _ROOM))
+    """Work space of a thread; there are so many that none keeps what others made."""
+    return Desk(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
 
 
 class Memory:
