@@ -32,9 +32,6 @@ _NOTHING = 1.0 / 32.0
 _VAGUE = 1e-3  # part of its size to which a part of the state has to be known
 _AMPLIFIED = 1e3  # times that it may be worse where it is nothing but rounding errors of its rate
 _NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
-# times what rounding errors of forces make of it in the time of a series, by which it is changed at
-# least: what decays within that time has a derivative that is lost in rounding otherwise
-_CLEAR = 1e4
 
 
 def _stages(s: int) -> tuple[Array, Array, Array, float]:
@@ -149,13 +146,7 @@ def tables_of(order: int) -> int:
 
 @compiled()
 def solve_stages(
-    machine: Machine,
-    flow: Flow,
-    stages: Stages,
-    start: Instant,
-    h: float,
-    step: float,
-    seen: Array,
+    machine: Machine, flow: Flow, stages: Stages, start: Instant, step: float, seen: Array
 ) -> bool:
     """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled.
 
@@ -166,8 +157,8 @@ def solve_stages(
     ----------
     stages : Stages
         With the rate at the beginning; receives the states.
-    h, step : float
-        How long a series is good for, and H.
+    step : float
+        H.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
@@ -181,7 +172,7 @@ def solve_stages(
     for turn in range(_MOST_CORRECTIONS):
         settled = now <= 1e-2 or (turn > 1 and now <= 1.0 and now >= 0.3 * before)
         fresh = not settled and (turn == 0 or not now <= _SLOW * before)
-        if not visit(machine, flow, stages, start, h, step, seen, fresh, settled):
+        if not visit(machine, flow, stages, start, step, seen, fresh, settled):
             return False
         if settled:
             return True
@@ -247,7 +238,6 @@ def visit(
     flow: Flow,
     stages: Stages,
     start: Instant,
-    h: float,
     step: float,
     seen: Array,
     fresh: bool,
@@ -264,8 +254,8 @@ def visit(
     ----------
     stages : Stages
         With the states; receives residuals and, where `fresh`, derivatives.
-    h, step : float
-        How long a series is good for, and H.
+    step : float
+        H.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     fresh, settled : bool
@@ -291,9 +281,7 @@ def visit(
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step
-                size = LEAST_SIZE + around + moved + flow.atol * seen[c]
-                lost = EPSILON * impulse(flow.rows, flow.space.mag, c, h)
-                z[c] += max(_NUDGE * size, _CLEAR * lost)
+                z[c] += _NUDGE * (LEAST_SIZE + around + moved + flow.atol * seen[c])
                 nudge = z[c] - stages.states[i * n + c]
             node = Instant(time, z, start.mode, start.reg)
             if coefficients(machine, flow, node, 1, V) != OK:

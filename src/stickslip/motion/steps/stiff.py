@@ -71,6 +71,9 @@ _AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that 
 _COARSER = 1e3  # of tolerances with which a motion is followed again: those that found it
 # tolerances that the terms of a third of the order may have where a step is bounded by what decays
 _CALM = 1e5
+# rounding errors of forces in the time of a series, to which what is zero by symmetry amounts in
+# these terms; a stiff oscillation that is larger is a motion
+_LOST = 16.0
 _TURNS = 30.0  # radians of an oscillation that no polynomial of a step can follow
 WATCHED = 32  # such steps in succession, before a polynomial is tried
 RESTING = 2048  # and after one has not been worth its cost
@@ -106,7 +109,7 @@ def vanishing(flow: Flow, r: int, h: float, tol: float, atol: float, seen: Array
     x = h / W[flow.rows.sizes[DIMENSION], 1]
     size = abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r]
     # What stays zero by symmetry is the rounding errors of the forces, which decay at all rates.
-    return float(_CALM * (tol * size + EPSILON * impulse(flow.rows, mag, r, h)))
+    return float(_CALM * tol * size + _LOST * EPSILON * impulse(flow.rows, mag, r, h))
 
 
 @compiled()
@@ -309,7 +312,7 @@ def collocate(
     for _ in range(_MOST_TRIES):
         if not step >= cost_in_series(n) * h:
             break
-        if not solve_stages(machine, flow, stages, start, h, step, seen):
+        if not solve_stages(machine, flow, stages, start, step, seen):
             step = 0.25 * step
             cut = True
             continue

@@ -267,7 +267,7 @@ class Branch(Result):
     @classmethod
     def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
         """The points, which a branch otherwise computes on first access."""
-        return {"_table": lambda: data}
+        return {"_table": lambda: data, "_cycles": ()}
 
 
 def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
