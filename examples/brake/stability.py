@@ -68,7 +68,7 @@ def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
         for x, y, text in (
             (0.2, 33.0, "stick-slip"),
             (0.72, 27.0, "either"),
-            (1.15, 8.0, "slides"),
+            (1.08, 8.0, "steady sliding"),
         ):
             plane.text(x, y, text, color="white")
 
@@ -81,7 +81,9 @@ def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
             seen = motion.at(np.linspace(*motion.t_span, 801))
             phase.plot(seen["x"], seen["d_x"], color=ss.style.BLUE)
             phase.text(seen["x"].mean(), V + 0.04, f"V = {V:g} m/s", ha="center")
-        phase.set(xlabel="position of the pad  [m]", ylabel="its velocity  [m/s]", ylim=(-1.1, 1.2))
+        phase.set(
+            xlabel="position of the pad  [m]", ylabel="velocity of the pad  [m/s]", ylim=(-1.1, 1.2)
+        )
         for letter, ax in axes.items():
             ax.text(-0.02, 1.03, f"({letter})", transform=ax.transAxes, ha="right")
     return figure
