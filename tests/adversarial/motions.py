@@ -321,7 +321,7 @@ def compare_contacts(
 def compare_modes(case: Case, motion: ss.Trajectory, reference: Motion, keys: list[str]) -> str:
     """The same modes for as long as it matters: where they differ, so little moves that it cannot
     be seen."""
-    contacts = [c.name for c in motion._problem.compiled.equations.contacts]
+    contacts = [c.name for c in motion.problem.compiled.equations.contacts]
     times = (np.asarray(motion.knots.time) - case.origin) / case.units.get("time", 1.0)
     theirs = np.array([phase.time for phase in reference.phases])
     for i, (key, name) in enumerate(zip(keys, case.system.contacts, strict=True)):

@@ -183,7 +183,7 @@ def compare_contacts(
     switched = np.array([float(phase.time) for phase in reference.phases])
     apart = np.array([np.min(np.abs(switched - t)) for t in reference.times])
     calm = apart > LONG * case.duration
-    engine = [c.name for c in found._problem.compiled.equations.contacts]
+    engine = [c.name for c in found.problem.compiled.equations.contacts]
     times = (np.asarray(found.knots.time) - case.origin) / case.time
     for k, touch in enumerate(case.shape.touches):
         keys = [f"c{k}"] if len(touch.rows) == 1 else [f"c{k} 1", f"c{k} 2"]

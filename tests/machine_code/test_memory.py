@@ -62,7 +62,7 @@ def test_systems_that_are_gone_take_no_memory(
         if i % 40 == 0 and declare is plain:
             assert ss.find_cycle(system).certificate.ok
             assert len(ss.sweep(system, {"V": [0.1, 0.2]}, ["period"]).dataset["outcome"]) == 2
-        compiled = motion._problem.compiled
+        compiled = motion.problem.compiled
         alive += map(weakref.ref, (system.declaration, compiled.equations))
         if declare is shaken:
             alive.append(weakref.ref(compiled.jets.code))

@@ -63,7 +63,7 @@ def test_what_opens_too_early_or_too_late_is_not_certified() -> None:
     for N0 in (3.0, 3.9999, 4.0001, 5.0):
         other = ss.simulate(lifted(N0=N0))
         assert other.certificate.ok
-        forged = Trajectory(asked._problem, asked.t_span, other.knots, other.outcome)
+        forged = Trajectory(asked.problem, asked.t_span, other.knots, other.outcome)
         assert not forged.certificate.ok, N0
 
 

@@ -500,7 +500,7 @@ def test_rest_that_ends_too_early_is_not_certified() -> None:
     early = simulate(block("-t*x", "s", parameters=given(s=0.5), kinetic_force="0.3"), (0.0, 2.0))
     assert certified(early).events["time"].tolist() == pytest.approx([0.5])
     held = block("-t*x", "s", parameters=given(s=0.8), kinetic_force="0.3")
-    told = Trajectory(simulate(held, (0.0, 0.1))._problem, (0.0, 2.0), early.knots, early.outcome)
+    told = Trajectory(simulate(held, (0.0, 0.1)).problem, (0.0, 2.0), early.knots, early.outcome)
     assert not told.certificate.ok
     assert told.certificate["friction law"].value == pytest.approx(0.3 / 0.8, rel=1e-6)
 
@@ -572,6 +572,6 @@ def test_slips_that_begin_too_early_are_not_certified(name: str) -> None:
         assert motion.events["time"].to_numpy()[0] == pytest.approx(when, rel=1e-9)
     assert abs(motion.final["x"]) > 0.1
     held = simulate(system, (0.0, 0.1), initial=initial, parameters={"s": 0.8})
-    told = Trajectory(held._problem, (0.0, 2.0), motion.knots, motion.outcome)
+    told = Trajectory(held.problem, (0.0, 2.0), motion.knots, motion.outcome)
     assert not told.certificate.ok
     assert told.certificate["friction law"].value > 0.1

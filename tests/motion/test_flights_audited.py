@@ -70,7 +70,7 @@ def halves(knots: Knots) -> tuple[Record, Record]:
 
 
 def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None) -> Followed:
-    p = m._problem
+    p = m.problem
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     forms = p.closed_forms if forms is None else forms
     aloft = make_aloft(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
@@ -81,7 +81,7 @@ def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None)
 
 
 def piece_by_piece(m: ss.Trajectory, knots: Knots) -> Accounts:
-    p = m._problem
+    p = m.problem
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     flow = p.flow(retracing=True)
     audit_steps(p.machine, flow, m._retraced.seen, *halves(knots), True, accounts)
@@ -133,7 +133,7 @@ def test_what_is_doubted_is_added_up_once(part: float) -> None:
     assert as_a_whole(m, m.knots).whole == 1
     lower = pose(system, {"s": part * float(m.audit.sums.peak[0])})
     motion = Trajectory(lower, m.t_span, m.knots, m.outcome)
-    found = as_a_whole(motion, m.knots, m._problem.closed_forms)
+    found = as_a_whole(motion, m.knots, m.problem.closed_forms)
     wanted = piece_by_piece(motion, m.knots)
     assert found.whole == 0
     for what in ("work", "impulse"):
@@ -214,7 +214,7 @@ def test_no_wrong_candidate_is_taken(name: str, fault: str) -> None:
     """What closed forms say is believed nowhere: with wrong ones, pieces decide, and say that the
     motion is right."""
     m = motion(name)
-    wrong = FAULTS[fault](slowest(m._problem.closed_forms))(m._problem.closed_forms)
+    wrong = FAULTS[fault](slowest(m.problem.closed_forms))(m.problem.closed_forms)
     found = as_a_whole(m, m.knots, wrong)
     assert found.whole == 0
     wanted = piece_by_piece(m, m.knots)
@@ -228,11 +228,11 @@ def test_closed_forms_that_mislead_the_motion_are_found(name: str) -> None:
     """A motion that follows wrong closed forms is not certified."""
     for fault, of in FAULTS.items():
         m = ss.simulate(SYSTEMS[name](), SPAN)
-        forms = m._problem.closed_forms
+        forms = m.problem.closed_forms
         wrong = of(slowest(forms))(forms)
         tau = 0.7 * float(np.max(np.diff(m.knots.clock)))
         i = int(np.argmax(np.diff(m.knots.clock)))
-        vars(m._problem)["closed_forms"] = wrong
+        vars(m.problem)["closed_forms"] = wrong
         state = m._retraced.states(np.array([m.knots.clock[i] + tau]), np.array([i]))[0]
         cut = two_knots(m.knots, i, tau, state)
         found = residuals(m, cut)
@@ -250,11 +250,11 @@ def two_knots(knots: Knots, i: int, tau: float, state: Array) -> Knots:
 
 
 def residuals(m: ss.Trajectory, knots: Knots) -> Array:
-    layout = m._problem.compiled.layout.rows
+    layout = m.problem.compiled.layout.rows
     other = copy(m)
     vars(other)["knots"] = knots
     energy = other._retraced.rows(knots.clock, np.arange(2))[:, layout]
-    return audited(m._problem, knots, m._retraced.seen, energy).residuals
+    return audited(m.problem, knots, m._retraced.seen, energy).residuals
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

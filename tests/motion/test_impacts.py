@@ -377,7 +377,7 @@ def test_a_false_rebound_is_seen() -> None:
     state = found.knots.state.copy()
     state[1:, 1] *= 1.01
     knots = replace(found.knots, state=state)
-    false = ss.Trajectory(found._problem, found.t_span, knots, found.outcome)
+    false = ss.Trajectory(found.problem, found.t_span, knots, found.outcome)
     assert not false.certificate.ok
 
 

@@ -405,12 +405,12 @@ def test_a_false_jump_is_seen(part: int) -> None:
         region=np.vstack([k.region[:last], tail.region]),
         cause=np.append(k.cause[: last + 1], tail.cause[1:]),
     )
-    tampered = ss.Trajectory(found._problem, found.t_span, joined, found.outcome)
+    tampered = ss.Trajectory(found.problem, found.t_span, joined, found.outcome)
     assert not tampered.certificate.ok
     missing = replace(
         joined, cause=np.where(np.arange(len(joined.cause)) == last, -1, joined.cause)
     )
-    assert not ss.Trajectory(found._problem, found.t_span, missing, found.outcome).certificate.ok
+    assert not ss.Trajectory(found.problem, found.t_span, missing, found.outcome).certificate.ok
 
 
 def test_stored(tmp_path: Path) -> None:

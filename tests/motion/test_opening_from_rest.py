@@ -36,7 +36,7 @@ def pushed(rng: np.random.Generator, system: ss.System) -> Trajectory:
 def with_knots(motion: Trajectory, **arrays: Array) -> Trajectory:
     """A motion with other knots."""
     knots = replace(motion.knots, **arrays)
-    return Trajectory(motion._problem, motion.t_span, knots, motion.outcome, motion.rtol)
+    return Trajectory(motion.problem, motion.t_span, knots, motion.outcome, motion.rtol)
 
 
 def carts(count: int) -> ss.System:

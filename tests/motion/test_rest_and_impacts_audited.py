@@ -148,10 +148,10 @@ def holds(system: ss.System, v: dict[str, float], start: dict[str, float], part:
 def under(motion: Trajectory, system: ss.System, values: dict[str, float]) -> Trajectory:
     """The record of a motion as that of another system."""
     span = (0.0, 1e-9)
-    start = {name: motion.at(0.0)[name] for name in motion._problem.compiled.layout.state}
+    start = {name: motion.at(0.0)[name] for name in motion.problem.compiled.layout.state}
     start = {name: float(value) for name, value in start.items()}
     other = ss.simulate(system, span, parameters=values, initial=start)
-    return Trajectory(other._problem, motion.t_span, motion.knots, motion.outcome, motion.rtol)
+    return Trajectory(other.problem, motion.t_span, motion.knots, motion.outcome, motion.rtol)
 
 
 @pytest.mark.parametrize(("kind", "count"), [("ladder", 30), ("table", 25), ("pads", 15)])
@@ -322,7 +322,7 @@ def test_impacts_of_many_feet() -> None:
         rates = slice(state.shape[1] // 2, None)
         state[first, rates] += 1e-7 * rng.choice([-1.0, 1.0], 3)
         knots = replace(motion.knots, state=state)
-        wrong = Trajectory(motion._problem, motion.t_span, knots, motion.outcome, motion.rtol)
+        wrong = Trajectory(motion.problem, motion.t_span, knots, motion.outcome, motion.rtol)
         assert not wrong.certificate.ok
 
 

@@ -184,7 +184,7 @@ def resolution(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
     """Number of equal parts of each step in which linear motions are resolved by a Gauss rule."""
     k = trajectory.knots
     length = np.diff(k.time)
-    drives = np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)
+    drives = np.max(np.abs(trajectory.problem.constants.omega), initial=0.0)
     parts = np.ones(len(length), dtype=int)
     for piece, index in _steps_by_piece(k, made):
         ends = np.concatenate([index, index + 1])

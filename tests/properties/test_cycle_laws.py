@@ -100,10 +100,10 @@ def test_a_later_start_has_the_multiplier_one(case: Case, part: float) -> None:
     # ahead a period later.
     piece = cycle.closed.shooting.stations[0].piece
     ahead = (
-        piece.rates(cycle.time, motion.knots.state[0], parameter_values(motion._problem))
+        piece.rates(cycle.time, motion.knots.state[0], parameter_values(motion.problem))
         - symmetry.frame
     )
-    later = variation(motion, Pieces(motion._problem.compiled.equations), ahead[:, None]).matrix[
+    later = variation(motion, Pieces(motion.problem.compiled.equations), ahead[:, None]).matrix[
         :, 0
     ]
     assert later == pytest.approx(ahead, rel=1e-8, abs=1e-8 * np.max(np.abs(ahead)))

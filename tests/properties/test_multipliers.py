@@ -88,9 +88,9 @@ def test_return_map(kind: str, size: int, contacts: int) -> None:
         motion = settled(*member(kind, size, contacts, seed), golden * seed % 1)
         if motion is None:
             continue
-        p = parameter_values(motion._problem)
+        p = parameter_values(motion.problem)
         k = motion.knots
-        pieces = Pieces(motion._problem.compiled.equations)
+        pieces = Pieces(motion.problem.compiled.equations)
         piece = pieces(k.mode[0], k.region[0])
         directions = make_station(
             0.0, piece, float(k.time[0]), k.state[0], p, np.ones(k.state.shape[1])

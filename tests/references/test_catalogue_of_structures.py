@@ -99,7 +99,7 @@ def test_a_mode_that_is_off_by_little_is_seen(mode: int) -> None:
     place = mode - 1
     states[len(states) // 2, place] += 1e-8 * np.max(np.abs(states[:, :16]))
     off = replace(motion.knots, state=states)
-    tampered = ss.Trajectory(motion._problem, motion.t_span, off, motion.outcome)
+    tampered = ss.Trajectory(motion.problem, motion.t_span, off, motion.outcome)
     assert not tampered.certificate.ok
 
 

@@ -328,7 +328,7 @@ def last_part(motion: ss.Trajectory, begin: int) -> ss.Trajectory:
     parts = (part[begin:] for part in (k.clock, k.state, k.mode, k.region, k.cause))
     knots = Knots(*parts, origin=k.origin)
     span = float(knots.time[0]), float(knots.time[-1])
-    return ss.Trajectory(motion._problem, span, knots, motion.outcome)
+    return ss.Trajectory(motion.problem, span, knots, motion.outcome)
 
 
 def test_control_c_is_heard_in_an_audit() -> None:

@@ -62,7 +62,7 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
         return 0.0
     sizes = np.max(np.abs(states), axis=0)
     missed[(sizes == 0.0) & (missed <= trajectory.atol)] = 0.0
-    n = trajectory._problem.compiled.layout.sizes["nq"]
+    n = trajectory.problem.compiled.layout.sizes["nq"]
     for kind in (slice(0, n), slice(n, 2 * n)):
         # Rounding of one component is projected onto the others of its kind.
         rounding = ROUNDED_SUM * float(np.max(sizes[kind], initial=0.0))
@@ -79,7 +79,7 @@ def _collides(trajectory: Trajectory, start: Array) -> bool:
     which = [*trajectory._switches.openings.values()]
     if not which:
         return False
-    k, layout = trajectory.knots, trajectory._problem.compiled.layout
+    k, layout = trajectory.knots, trajectory.problem.compiled.layout
     first = Knots.single(float(k.clock[0]), start, k.mode[0], k.region[0], k.origin)
     (row,) = trajectory._retraced.rows_by_steps(first, k.clock[:1], np.zeros(1, np.int64))
     gaps = row[[layout.gaps[i] for i in which]]

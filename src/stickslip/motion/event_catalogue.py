@@ -526,11 +526,11 @@ def _looks(watched: _Watched) -> tuple[Array, Array, Array]:
 def _ends_of_series(motion: Trajectory) -> Array:
     """Times since the origin, between which a series shows how a motion bends: a flight in closed
     form may be a step of many periods."""
-    problem = replace(motion._problem, exact=False)
-    vars(problem).update(compiled=motion._problem.compiled, machine=motion._problem.machine)
+    problem = replace(motion.problem, exact=False)
+    vars(problem).update(compiled=motion.problem.compiled, machine=motion.problem.machine)
     k = motion.knots
     start, end = float(k.time[0]), float(k.time[-1])
-    if not motion._problem.exact or end <= start:
+    if not motion.problem.exact or end <= start:
         return k.clock
     with watching():
         code, knots, ended = run_loop(problem, start, end, k.state[0], _MOST_STEPS)
@@ -594,7 +594,7 @@ def _slipping(motion: Trajectory, numbers: list[int]) -> Array:
     """Whether contacts, given by their numbers in the engine, slip from every knot on. What is open
     says nothing."""
     mode = motion.knots.slip
-    equations = motion._problem.compiled.equations
+    equations = motion.problem.compiled.equations
     found = mode[:, numbers] != 0
     for j, c in enumerate(numbers):
         if equations.pressing(c) and not equations.rubs_alone(c):
@@ -605,7 +605,7 @@ def _slipping(motion: Trajectory, numbers: list[int]) -> Array:
 def _columns(motion: Trajectory) -> tuple[Array, list[list[int]]]:
     """Names of the dry contacts, and the numbers of their components in the engine. Those that are
     one have one name."""
-    equations = motion._problem.compiled.equations
+    equations = motion.problem.compiled.equations
     groups: dict[str, list[int]] = {}
     for i, (name, c) in enumerate(zip(equations.labels, equations.contacts, strict=True)):
         if not c.opens:
@@ -636,7 +636,7 @@ def _slips(motion: Trajectory, runs: Array) -> Array:
     names = motion.system.declaration.state
     moved = k.state[runs[:, 1]] - k.state[runs[:, 0]]
     found = np.zeros((len(runs), k.mode.shape[1]))
-    for c, contact in enumerate(motion._problem.compiled.equations.contacts):
+    for c, contact in enumerate(motion.problem.compiled.equations.contacts):
         for x, weight in contact.direction.items():
             found[:, c] += ex.evaluate(weight, values) * moved[:, names.index(x)]
         if contact.speed is ex.ZERO:

@@ -47,6 +47,8 @@ class Trajectory(Result):
     ----------
     system : System
     parameters : dict of str to float
+    problem : Problem
+        The compiled system with these parameters, from which the motion can be recomputed.
     t_span : (float, float)
         The requested time span.
     outcome : Outcome
@@ -66,7 +68,7 @@ class Trajectory(Result):
         rtol: float = 1e-10,
         start: Array | None = None,
     ) -> None:
-        self._problem = problem
+        self.problem = problem
         self.t_span = t_span
         self.knots = knots
         self.outcome = outcome
@@ -86,17 +88,17 @@ class Trajectory(Result):
     @property
     def system(self) -> System:
         """The system that moves."""
-        return self._problem.system
+        return self.problem.system
 
     @property
     def parameters(self) -> dict[str, float]:
         """Values of all parameters."""
-        return self._problem.parameters
+        return self.problem.parameters
 
     @property
     def atol(self) -> float:
         """Absolute accuracy; smaller components are not resolved."""
-        return self._problem.atol * self.rtol
+        return self.problem.atol * self.rtol
 
     @property
     def message(self) -> str:
@@ -114,7 +116,7 @@ class Trajectory(Result):
     def _ends_of_tables(self) -> list[str]:
         """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
         for."""
-        equations = self._problem.compiled.equations
+        equations = self.problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
         return ends_of_tables(equations.kinks, equations.speeds, values)
 
@@ -125,7 +127,7 @@ class Trajectory(Result):
             "t": values["t"]
         }
         found = []
-        for jump in self._problem.compiled.equations.jumps:
+        for jump in self.problem.compiled.equations.jumps:
             felt = jump.guard.symbols & sizes.keys()
             slopes = {name: ex.evaluate(ex.derivative(jump.guard, name), values) for name in felt}
             size = sum(abs(slope * sizes[name]) for name, slope in slopes.items())
@@ -150,7 +152,7 @@ class Trajectory(Result):
     @cached_property
     def _rows(self) -> dict[str, int]:
         """Row of each published quantity, without modes and energies."""
-        layout = self._problem.compiled.layout
+        layout = self.problem.compiled.layout
         contacts = self._switches.contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
@@ -180,7 +182,7 @@ class Trajectory(Result):
     @cached_property
     def _switches(self) -> Switches:
         """Modes of the contacts from knot to knot."""
-        return Switches(self.system, self._problem.compiled.equations, self.knots)
+        return Switches(self.system, self.problem.compiled.equations, self.knots)
 
     @property
     def modes(self) -> dict[str, Array]:
@@ -200,14 +202,14 @@ class Trajectory(Result):
         import pandas as pd
 
         k = self.knots
-        first = len(self._problem.compiled.equations.kinks)
+        first = len(self.problem.compiled.equations.kinks)
         numbers = {first + i: key for key, i in self._switches.openings.items()}
         struck = self._strikes
         before = self._retraced.rows(k.clock[struck], struck - 1)
         after = self._retraced.rows(k.clock[struck], struck)
-        rows = [self._problem.compiled.layout.u[k.cause[i] - first] for i in struck]
+        rows = [self.problem.compiled.layout.u[k.cause[i] - first] for i in struck]
         each = np.arange(len(struck))
-        energy = self._problem.compiled.layout.rows
+        energy = self.problem.compiled.layout.rows
         return pd.DataFrame(
             {
                 "time": k.time[struck],
@@ -223,7 +225,7 @@ class Trajectory(Result):
         """Knots at which a gap has closed with a speed, so that velocities jump; not the last one
         where the motion ends because they cannot."""
         k = self.knots
-        first = len(self._problem.compiled.equations.kinks)
+        first = len(self.problem.compiled.equations.kinks)
         closed = np.isin(k.cause, [first + i for i in self._switches.openings.values()])
         closed[0] = False
         closed[-1] &= self.outcome not in (Outcome.NO_COLLISION, Outcome.CREATES_ENERGY)
@@ -246,7 +248,7 @@ class Trajectory(Result):
 
         knot, which = map(np.ascontiguousarray, np.nonzero(self._switches.jumped))
         clock = self.knots.clock[knot + 1]
-        energy = self._problem.compiled.layout.rows
+        energy = self.problem.compiled.layout.rows
         before = self._retraced.rows(clock, knot)[:, energy]
         after = self._retraced.rows(clock, knot + 1)[:, energy]
         names = np.array([*self.system.jumps], dtype=object)
@@ -257,7 +259,7 @@ class Trajectory(Result):
     @cached_property
     def _retraced(self) -> Retraced:
         """The motion between its knots."""
-        return Retraced(self._problem, self.knots)
+        return Retraced(self.problem, self.knots)
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -271,9 +273,9 @@ class Trajectory(Result):
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
         k = self.knots
-        rows = self._problem.compiled.layout.rows
+        rows = self.problem.compiled.layout.rows
         energy = self._retraced.rows_by_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
-        return audited(self._problem, k, self._retraced.seen, energy)
+        return audited(self.problem, k, self._retraced.seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -347,7 +349,7 @@ class Trajectory(Result):
             others = [name for name in names if name not in forms]
             values = self.trace([*dict.fromkeys([*others, *modes])], times, index)
             return values | of_modes(forms, values)
-        p, k = self._problem, self.knots
+        p, k = self.problem, self.knots
         shown = p.compiled.layout.without_series | shared_forces(p.rows)
         followed = [name for name in names if self._rows[name] not in shown]
         wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
@@ -382,7 +384,7 @@ class Trajectory(Result):
     def _values_without_outputs(self, clock: Array, index: Array) -> dict[str, Array]:
         """The same without outputs."""
         out = self._retraced.rows(clock, index)
-        rows = self._problem.compiled.layout.rows
+        rows = self.problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
         values |= of_modes(self.system.unknowns, values)
         self._without_contact(values, index)
@@ -453,7 +455,7 @@ class Trajectory(Result):
         joined names; ``slip+`` and ``slip-`` then refer to the first of them. Passing a sample of a
         drive is not an event.
         """
-        return self._switches.events(self._problem.compiled.layout.state)
+        return self._switches.events(self.problem.compiled.layout.state)
 
     @validated
     def event_catalogue(
@@ -561,7 +563,7 @@ class Trajectory(Result):
     def final(self) -> dict[str, float]:
         """The last state."""
         return dict(
-            zip(self._problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True)
+            zip(self.problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True)
         )
 
     # -- what it says of itself --------------------------------------------------------------------
@@ -664,9 +666,9 @@ class Trajectory(Result):
         settings = {
             "t_span": self.t_span,
             "origin": k.origin,
-            "order": self._problem.order,
-            "tolerance": self._problem.tolerance,
-            "atol": self._problem.atol,
+            "order": self.problem.order,
+            "tolerance": self.problem.tolerance,
+            "atol": self.problem.atol,
             "rtol": self.rtol,
             "outcome": self.outcome.code,
             "wall_time": self.wall_time,

@@ -83,7 +83,7 @@ def test_first_variation_through_impacts(seed: int) -> None:
         return motion.knots.state[-1], [name for name, _ in groupby(motion.impacts["contact"])]
 
     motion = ss.simulate(system, (0.0, 0.9), rtol=1e-12, atol=1e-14)
-    found = variation(motion, Pieces(motion._problem.compiled.equations))
+    found = variation(motion, Pieces(motion.problem.compiled.equations))
     assert found.differentiable
     rng = np.random.default_rng(seed)
     size = float(np.max(np.abs(found.matrix)))

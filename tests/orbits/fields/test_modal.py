@@ -92,7 +92,7 @@ def test_states_within_flights(contact: str) -> None:
     clock = k.clock[index] + part * np.diff(k.clock)[index]
     found = motion._retraced.states(clock, index)
     out = np.empty_like(found)
-    assert np.any(states_in_flights(motion._problem, k, index, clock, out))
+    assert np.any(states_in_flights(motion.problem, k, index, clock, out))
     n = len(found[0]) // 2
     for own in (slice(n), slice(n, 2 * n)):
         steps = motion._retraced.states_by_steps(clock, index)[:, own]
@@ -127,7 +127,7 @@ def test_steps_by_eigenvalues(
 ) -> None:
     motion = followed(contact)
     assert len(motion.knots.time) < 200  # of steps there would be thousands
-    pieces = Pieces(motion._problem.compiled.equations, *free)
+    pieces = Pieces(motion.problem.compiled.equations, *free)
     found = variation(motion, pieces).matrix
     assert (
         DECOMPOSED in pieces.listed.spectra.state and DEFECTIVE not in pieces.listed.spectra.state
@@ -219,7 +219,7 @@ def test_steps_of_a_piece_are_taken_as_one(
 ) -> None:
     """The same as step by step, by eigenvalues and by collocation; in between nothing is known."""
     motion = ss.simulate(chain_with_damper(kind), (0.0, 200.0))
-    equations = motion._problem.compiled.equations
+    equations = motion.problem.compiled.equations
     whole = variation(motion, Pieces(equations, free))
     ends = variation(motion, Pieces(equations, free), between=False)
     unsound: Any = lambda _, spectra, w, *more: spectra.state.__setitem__(w, DEFECTIVE)  # noqa: E731

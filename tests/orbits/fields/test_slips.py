@@ -63,7 +63,7 @@ def test_derivatives_are_those_of_complex_steps(
         system, (0.0, end), parameters=given, initial=dict(zip(NAMES, start, strict=True))
     )
     assert found.certificate.ok
-    pieces = Pieces(found._problem.compiled.equations, "c", "f", "g")
+    pieces = Pieces(found.problem.compiled.equations, "c", "f", "g")
     change = variation(found, pieces).matrix
     for column, name in enumerate((*NAMES, "c", "f", "g")):
         if name.startswith("d_") and start[2:] == [0.0, 0.0]:
@@ -84,7 +84,7 @@ def test_both_velocities_are_forgotten() -> None:
     found = ss.simulate(
         block(), (0.0, 3.0), initial=dict(zip(NAMES, [0.2, -0.1, 1.0, 0.5], strict=True))
     )
-    change = variation(found, Pieces(found._problem.compiled.equations)).matrix
+    change = variation(found, Pieces(found.problem.compiled.equations)).matrix
     assert np.linalg.matrix_rank(change, tol=1e-12) == 2
     np.testing.assert_array_equal(change[2:], 0.0)
 
@@ -99,5 +99,5 @@ def test_there_is_no_derivative_through_a_reversal() -> None:
         contacts={"table": ss.Contact(("d_x", "d_y"), 0.5)},
     )
     found = ss.simulate(system, (0.0, 6.0))
-    change = variation(found, Pieces(found._problem.compiled.equations))
+    change = variation(found, Pieces(found.problem.compiled.equations))
     assert not change.differentiable

@@ -43,7 +43,7 @@ def along(
 ) -> Variation:
     motion = simulate(system, span, initial=initial, parameters=parameters)
     assert motion.outcome.ok
-    return variation(motion, Pieces(motion._problem.compiled.equations, *free), directions)
+    return variation(motion, Pieces(motion.problem.compiled.equations, *free), directions)
 
 
 def slope(f: Callable[[float], Array], h: float) -> Array:
@@ -129,7 +129,7 @@ def test_every_system_of_the_catalogue(name: str) -> None:
     motion = simulate(system, (begin, min(end, begin + 12.0)))
     if len(motion.knots.time) > _ENOUGH:
         motion = simulate(system, (begin, float(motion.knots.time[_ENOUGH])))
-    equations = motion._problem.compiled.equations
+    equations = motion.problem.compiled.equations
     names = tuple(system.parameters)
     # Of a structure every motion takes NumPy long; all parameters at once have all columns.
     single = names[:1] if system.structures else names

@@ -28,7 +28,7 @@ def rest_of(
 ):
     """The state near which the end of a motion is proved to rest."""
     motion = simulate(system, span, initial=start, parameters=values)
-    pieces = Pieces(motion._problem.compiled.equations)
+    pieces = Pieces(motion.problem.compiled.equations)
     w, k = window(motion, pieces), motion.knots
     assert w.symmetry.frame is not None
     point = MotionPoint(
@@ -240,7 +240,7 @@ def test_irregular_motion_is_said_to_be(start: float) -> None:
 def test_lyapunov_exponent_of_a_cycle() -> None:
     """0 along the motion: nothing parts."""
     motion = simulate(SLIDER, (0, 2000), parameters={"V": 0.2})
-    pieces = Pieces(motion._problem.compiled.equations)
+    pieces = Pieces(motion.problem.compiled.equations)
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
     assert found.value == pytest.approx(0.0, abs=2e-3)
@@ -259,7 +259,7 @@ def test_lyapunov_exponent_of_two_neighbours() -> None:
         span=(0, 100),
     )
     motion = simulate(system, (0, 6000), initial={"x": 0.1, "d_x": 0.2})
-    pieces = Pieces(motion._problem.compiled.equations)
+    pieces = Pieces(motion.problem.compiled.equations)
     found = largest_exponent(motion, pieces, window(motion, pieces).sizes)
     assert found is not None
     assert found.irregular

@@ -192,7 +192,7 @@ def _stability(cycles: list[Cycle]) -> dict[str, Any]:
 def _peaks(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     """The largest force of every contact."""
     data: dict[str, Any] = {}
-    equations = cycles[0].trajectory._problem.compiled.equations
+    equations = cycles[0].trajectory.problem.compiled.equations
     for i, contact in enumerate(equations.contacts):
         if contact.plane > 1 or contact.side_of:
             continue  # the first component stands for both

@@ -176,8 +176,8 @@ def from_motion(motion: Trajectory) -> Closed:
     """The cycle that a motion settles on, from its end on."""
     k = motion.knots
     if motion.outcome is Outcome.AT_REST or len(k.time) < 2:
-        raise _at_rest(motion._problem, float(k.time[-1]), k.state[-1])
-    return _Search(motion._problem, k.state[-1], float(k.time[-1])).run(beside=False)
+        raise _at_rest(motion.problem, float(k.time[-1]), k.state[-1])
+    return _Search(motion.problem, k.state[-1], float(k.time[-1])).run(beside=False)
 
 
 def repels(closed: Closed) -> bool:

@@ -94,7 +94,7 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
 
 def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     """Time and energy of every contact."""
-    members = motion._problem.compiled.equations.members
+    members = motion.problem.compiled.equations.members
     lasted = float(sums.total[LASTED])
     found = {
         contact.name: ContactShare(

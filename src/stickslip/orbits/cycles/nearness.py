@@ -38,7 +38,7 @@ class NearCycle:
     def __init__(self, cycle: Cycle) -> None:
         motion = cycle.trajectory
         self.cycle = cycle
-        self.window: Window = window(motion, Pieces(motion._problem.compiled.equations))
+        self.window: Window = window(motion, Pieces(motion.problem.compiled.equations))
         t = self.window.times
         self.polygon: Array = self._home(
             np.append(np.linspace(t[:-1], t[1:], _FINER, endpoint=False, axis=1), t[-1])

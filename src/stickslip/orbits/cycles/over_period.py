@@ -244,7 +244,7 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
     float
         By how much the last halving has changed them, relative to the size of the motion.
     """
-    if len(motion._problem.rows.bodies):
+    if len(motion.problem.rows.bodies):
         found = _of_linear_pieces(motion, shift, order)
         if found is not None:
             return found
@@ -325,7 +325,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     as smooth as the loads are. A free mode without damping, as in a backbone before any contact
     slips, makes the matrix singular.
     """
-    k, problem = motion.knots, motion._problem
+    k, problem = motion.knots, motion.problem
     pieces = Pieces(problem.compiled.equations)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     start, n = float(k.time[0]), k.state.shape[1]

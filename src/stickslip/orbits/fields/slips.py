@@ -441,5 +441,5 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     mode, region = np.array(piece.field.mode), np.array(piece.field.region)
     alone = Knots.single(float(k.clock[knot]), k.state[knot], mode, region, k.origin)
     time = float(k.time[knot])
-    part = Trajectory(motion._problem, (time, time), alone, motion.outcome)
-    return part._retraced.rows(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]
+    part = Trajectory(motion.problem, (time, time), alone, motion.outcome)
+    return part._retraced.rows(alone.clock, np.array([0]))[0][motion.problem.rows.program.rates]

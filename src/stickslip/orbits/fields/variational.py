@@ -127,7 +127,7 @@ def variation(
     """
     run = _prepared(trajectory, pieces, directions, 1 if between else 2)
     listed = pieces.listed
-    problem = trajectory._problem
+    problem = trajectory.problem
     work = _work(trajectory, pieces, run, 2 * STAGES * len(run.piece))
     meeting = _Meeting(trajectory, pieces, run)
     start = 0
@@ -175,7 +175,7 @@ def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of parts of each step in which linear motions are resolved by a Gauss rule."""
     run = _prepared(trajectory, pieces, None, 0)
-    rows = trajectory._problem.rows
+    rows = trajectory.problem.rows
     resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
     return np.abs(run.parts[:-1])
 
@@ -192,7 +192,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, 
         k.record,
         trajectory._retraced.seen,
         float(k.origin),
-        float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)),
+        float(np.max(np.abs(trajectory.problem.constants.omega), initial=0.0)),
         modal,
         number,
         np.ones(len(number), np.int64),
@@ -206,7 +206,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, 
 def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> PassSpace:
     """Work space of the pass, with room for some nodes."""
     _, columns, directions = run.after.shape
-    work = pieces.space(trajectory._problem.rows, (columns, directions), nodes)
+    work = pieces.space(trajectory.problem.rows, (columns, directions), nodes)
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     first = 1 + run.knots.state.shape[1]
     work.values[first : first + len(p)] = p[:, None]

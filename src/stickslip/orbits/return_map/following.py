@@ -50,7 +50,7 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
 def flies(motion: Trajectory) -> bool:
     """Whether closed forms pay even where every motion has its own parameters, and makes its own:
     where flights are very long beside what is fast in them."""
-    forms = motion._problem.closed_forms
+    forms = motion.problem.closed_forms
     shortest = forms.shortest[forms.flown == 1]
     k = motion.knots
     if not np.any(shortest > 0.0) or len(k.time) < 2:

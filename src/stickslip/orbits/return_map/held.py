@@ -71,7 +71,7 @@ def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Hel
     """The independent positions that contacts keep in a motion because they stick; what was on an
     edge stays there."""
     k = motion.knots
-    equations = motion._problem.compiled.equations
+    equations = motion.problem.compiled.equations
     state = equations.declaration.state
     edges = {h.contact: h.edge for h in before}
     stuck = np.all(k.mode[:-1][np.diff(k.time) > 0.0] == 0, axis=0)
@@ -188,5 +188,5 @@ def _changed(
         return change.after[i]
     times, states = np.array([k.time[i], t]), np.array([k.state[i], y])
     knots = Knots(times, states, k.mode[[i, i]], k.region[[i, i]], k.cause[[i, i]])
-    part = Trajectory(motion._problem, (float(k.time[i]), t), knots, motion.outcome)
+    part = Trajectory(motion.problem, (float(k.time[i]), t), knots, motion.outcome)
     return variation(part, pieces, change.after[i]).matrix

@@ -142,7 +142,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     made = [every[i] for i in index]
     felt = _felt(trajectory, every, steps, p)
     around = Surroundings(made, times, states, _sizes(trajectory, states, states, felt))
-    equations = trajectory._problem.compiled.equations
+    equations = trajectory.problem.compiled.equations
     ticking = None
     cells = cells_of(equations, trajectory.parameters)
     found = around.symmetry(p, None, cells)
@@ -208,7 +208,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
 
 def modes_of_structures(motion: Trajectory) -> list[slice]:
     """Indices, in the state, of the modes of each structure and of their rates."""
-    rows = motion._problem.rows
+    rows = motion.problem.rows
     firsts = (0, int(rows.sizes[INERTIAL]))
     return [
         slice(first + begin, first + begin + count)
@@ -250,7 +250,7 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
     part = slice(first, last + 1)
     knots = Knots(k.time[part], k.state[part], k.mode[part], k.region[part], k.cause[part])
     return Trajectory(
-        motion._problem, (float(k.time[first]), float(k.time[last])), knots, motion.outcome
+        motion.problem, (float(k.time[first]), float(k.time[last])), knots, motion.outcome
     )
 
 

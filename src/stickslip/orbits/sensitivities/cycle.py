@@ -175,7 +175,7 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
         That of the period.
     """
     k = motion.knots
-    rows = motion._problem.rows.program.rates
+    rows = motion.problem.rows.program.rates
     unit = np.eye(len(state) + 1)
 
     def component(j: int) -> Traced:

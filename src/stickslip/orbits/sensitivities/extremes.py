@@ -97,7 +97,7 @@ def until(motion: Trajectory, knot: int) -> Trajectory:
     mode, region, cause = (part.copy() for part in (parts.mode, parts.region, parts.cause))
     mode[-1], region[-1], cause[-1] = mode[-2], region[-2], -1
     knots = Knots(parts.clock, state, mode, region, cause, k.origin)
-    return Trajectory(motion._problem, motion.t_span, knots, motion.outcome, motion.rtol)
+    return Trajectory(motion.problem, motion.t_span, knots, motion.outcome, motion.rtol)
 
 
 def _extreme(motion: Trajectory, f: Traced, sign: float) -> _Extreme:

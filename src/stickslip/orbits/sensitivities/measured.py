@@ -109,7 +109,7 @@ class _Changing:
         self.slope = slope
         self.motion = slope.orbit.motion
         self.pieces = slope.pieces
-        self.equations = self.motion._problem.compiled.equations
+        self.equations = self.motion.problem.compiled.equations
         self.direction = np.append(slope.state, 1.0)[:, None]
         self.p = np.array([self.motion.parameters[x] for x in cycle.system.parameters])
 
@@ -415,7 +415,7 @@ def _relative_phase(c: _Changing, of: str) -> _Value:
 
 def _stick_fraction(c: _Changing, of: str) -> _Value:
     """Of the time in which all contacts stick, or one."""
-    problem, system = c.motion._problem, c.cycle.system
+    problem, system = c.motion.problem, c.cycle.system
     if of and of not in system.rubbing:
         raise DeclarationError(
             f"of: stick_fraction:{short(of)}", "unknown contact", suggestion(of, system.rubbing)

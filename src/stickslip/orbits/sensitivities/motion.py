@@ -139,7 +139,7 @@ def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
 def _pieces_of(trajectory: Trajectory, free: tuple[str, ...]) -> Pieces:
     """The smooth pieces of its system, computed once, with derivatives with respect to some
     parameters."""
-    equations = trajectory._problem.compiled.equations
+    equations = trajectory.problem.compiled.equations
     return made_once(equations, "pieces", lambda: Pieces(equations, *free), free)
 
 
@@ -175,7 +175,7 @@ def sensitivities(
         If a name, a quantity or a time is not known, or the system has a drag without mass: its
         rates have no formula.
     """
-    state = tuple(trajectory._problem.compiled.layout.state)
+    state = tuple(trajectory.problem.compiled.layout.state)
     observed = read_observations(trajectory, state if of is None else of)
     when = _times(trajectory, times)
     if not names:
@@ -218,7 +218,7 @@ def follow(
     DeclarationError
         If a name is not known.
     """
-    problem = trajectory._problem
+    problem = trajectory.problem
     state = tuple(problem.compiled.layout.state)
     _check_names(trajectory, names)
     slopes = [_start_slope(trajectory, name) for name in names]
@@ -316,7 +316,7 @@ def at_events(
             "Use the times of impacts only",
         )
     found, missing = follow(trajectory, trajectory, names, start, touching)
-    equations = trajectory._problem.compiled.equations
+    equations = trajectory.problem.compiled.equations
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     k = trajectory.knots
     n = k.state.shape[1]
@@ -375,7 +375,7 @@ def with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
         k.origin,
     )
     fine = Trajectory(
-        trajectory._problem, trajectory.t_span, knots, trajectory.outcome, trajectory.rtol
+        trajectory.problem, trajectory.t_span, knots, trajectory.outcome, trajectory.rtol
     )
     return fine, np.searchsorted(knots.clock, clock, side="right") - 1
 
@@ -509,7 +509,7 @@ def _gathered(
     """
     names, observed = asked
     when, place = where
-    equations = trajectory._problem.compiled.equations
+    equations = trajectory.problem.compiled.equations
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     k = fine.knots
     values = np.empty((len(observed), len(when)))
@@ -542,7 +542,7 @@ def second_opinion(found: Sensitivity) -> Array:
     """
     motion = found.trajectory
     system = motion.system
-    state = motion._problem.compiled.layout.state
+    state = motion.problem.compiled.layout.state
     start = dict(zip(state, map(float, motion.knots.state[0]), strict=True))
     span = (float(motion.knots.time[0]), float(motion.knots.time[-1]))
 

@@ -86,7 +86,7 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     DeclarationError
         If there is no such quantity, it has no derivative, or a formula has kinks of its own.
     """
-    if set(asked) <= set(trajectory._problem.compiled.layout.state):
+    if set(asked) <= set(trajectory.problem.compiled.layout.state):
         return tuple(Observation(name, ex.sym(name)) for name in asked)
     with listing(lambda name: _read_observations(trajectory, (name,))):
         return _read_observations(trajectory, asked)
@@ -104,7 +104,7 @@ def _read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Ob
     names = {name: e for name, e in declared.names.items() if name not in refused}
     refused |= declared.forbidden
     scope = Scope(names, declared.definitions, refused, vectors=declared.vectors)
-    kinks = set(trajectory._problem.compiled.equations.kinks)
+    kinks = set(trajectory.problem.compiled.equations.kinks)
     found: list[Observation] = []
     for text in asked:
         callable_names = {n for n, d in declared.definitions.items() if not d.arguments}
