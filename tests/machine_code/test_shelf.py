@@ -83,12 +83,12 @@ class Small:
         """What the entry says now, with machine code from wherever it comes."""
         return shelf.prepare(self.load().total)(np.array([1.0, 2.0]))
 
-    def total_of_library(self) -> float:
-        """The same, as an entry of the package."""
-        entry: Entry = self.load().total
+    def total_of_library(self, entry: Entry | None = None) -> float:
+        """The same, as an entry of the package; by default it is imported anew."""
+        now: Entry = self.load().total if entry is None else entry
         engine = objects.loaded(shelf.codes_of(self.library))
-        address = engine.address(f"entry.{entry.symbol}")
-        return Prepared("total", ("x",), *entry_types(entry), address)(np.array([1.0, 2.0]))
+        address = engine.address(f"entry.{now.symbol}")
+        return Prepared("total", ("x",), *entry_types(now), address)(np.array([1.0, 2.0]))
 
 
 @pytest.fixture
@@ -147,6 +147,14 @@ def test_an_edit_compiles_what_it_changes(
     small.write(factor=2.0)
     assert total(small) == 6.0
     assert not made
+
+
+def test_code_of_sources_edited_after_their_import_is_not_kept(small: Small) -> None:
+    """It has the old constants, and would be taken for that of the new sources."""
+    entry = small.load().total
+    small.write(factor=3.0)
+    assert small.total_of_library(entry) == 6.0
+    assert small.total_of_library() == 9.0
 
 
 def test_damaged_code_is_made_again(small: Small, tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ from stickslip.machine_code.objects import (
 )
 from stickslip.machine_code.store import alone, cache_folder, keep, stored
 from stickslip.machine_code.words import Prepared
+from stickslip.translator import BEGAN, READ
 from stickslip.translator.values import entry_types
 
 SHIPPED = Path(__file__).parent / "shipped"
@@ -252,6 +253,9 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
             return codes
         jobs = jobs_of(entries_of(library), folder, here, ship)
         codes = make_all(jobs, library.name)
+        if not _is_as_imported(library):
+            # Constants are those of the import, so this code is not that of the sources.
+            return codes
         parts = [(Path(job.place).name, job.key) for job in jobs]
         _keep_list(library, folder, digest(sources, here), parts)
         if ship:
@@ -305,6 +309,25 @@ def entries_of(library: Library) -> list[Entry | Kernel]:
 def source_digest(library: Library) -> str:
     """A name for all sources that may shape the machine code of a library: those of its modules, of
     what they import, and of the translator."""
+    content = hashlib.sha256()
+    for path, text in sorted(_sources(library).items()):
+        name = path.removeprefix(_PACKAGE).replace(os.sep, "/") or os.path.basename(path)
+        content.update(f"{name}\n{len(text)}\n".encode())
+        content.update(text)
+    return content.hexdigest()
+
+
+def _is_as_imported(library: Library) -> bool:
+    """Whether no source of a library was edited after this process had imported it."""
+    changed = {path: os.stat(path).st_mtime_ns for path in _sources(library)}
+    return all(
+        READ[path] == moment if path in READ else moment <= BEGAN
+        for path, moment in changed.items()
+    )
+
+
+def _sources(library: Library) -> dict[str, bytes]:
+    """The contents of all sources that may shape the machine code of a library, by path."""
     known = dict[str, bytes]()
     left = [path for name in (*library.modules, *_MAKERS) for path in _files_of(name, "")]
     while left:
@@ -316,12 +339,7 @@ def source_digest(library: Library) -> str:
             for module, several, few in _IMPORTED.findall(known[path]):
                 names = (several or few).decode().replace(",", " ").split()
                 left += _files_of(module.decode(), folder, names)
-    content = hashlib.sha256()
-    for path, text in sorted(known.items()):
-        name = path.removeprefix(_PACKAGE).replace(os.sep, "/") or os.path.basename(path)
-        content.update(f"{name}\n{len(text)}\n".encode())
-        content.update(text)
-    return content.hexdigest()
+    return known
 
 
 def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:

@@ -36,7 +36,10 @@ from __future__ import annotations
 
 import ctypes
 import math
+import os
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import update_wrapper
 from typing import Any, TypeVar
@@ -46,6 +49,13 @@ CONTRACTED = ("contract",)
 """A product and a sum may be one instruction."""
 RELAXED = ("contract", "nsz", "reassoc")
 """Also, sums may be reordered, as in long dot products; NaN and infinity stay visible."""
+
+
+BEGAN = time.time_ns()
+"""When this process imported the translator."""
+READ: dict[str, int] = {}
+"""Source files of compiled functions, and the time of their last change, in ns, at their import."""
+_last = ("", 0)  # file and line of the function that was compiled last
 
 
 class Compiled:
@@ -71,6 +81,7 @@ class Compiled:
         brief: bool = False,
     ) -> None:
         update_wrapper(self, function)
+        note_source(function)
         self.python = function
         self.relaxed = tuple(sorted(relaxed))
         self.inline = inline
@@ -91,6 +102,16 @@ class Compiled:
         return f"{code.co_filename}:{code.co_firstlineno}: {self.__name__}"
 
     __name__: str
+
+
+def note_source(function: Callable[..., Any]) -> None:
+    """Note the time of the last change of the file that is being imported, once for each import."""
+    global _last
+    code = function.__code__
+    before, _last = _last, (code.co_filename, code.co_firstlineno)
+    if before[0] != _last[0] or before[1] >= _last[1]:
+        with suppress(OSError):
+            READ[code.co_filename] = os.stat(code.co_filename).st_mtime_ns
 
 
 def compiled(
