@@ -1,5 +1,5 @@
-"""A brake with a measured friction coefficient: where steady sliding is stable, over the speed of
-the disc and the force on the pad, and the limit cycles.
+"""A brake with a friction coefficient given by points: stability of steady sliding over the speed
+of the disc and the force on the pad, and limit cycles.
 
 Steady sliding loses its stability where the friction falls faster than damping allows,
 N μ′(V) + c = 0, a curve of Hopf points. With increasing speed of the disc, stick-slip persists
@@ -26,14 +26,14 @@ def branches(speeds=SPEEDS):
 
 
 def boundary(steady):
-    """Where steady sliding loses its stability, over speed and force."""
+    """Stability boundary of steady sliding in speed and force."""
     (hopf,) = steady.of_kind("Hopf")
     return ss.hopf_curve(brake, hopf, "V", "N", ranges={"V": SPEEDS, "N": FORCES})
 
 
 def speeded_up(speeds=59, forces=39):
-    """How far the pad swings in the end, while the disc is made faster and faster: each motion
-    starts where the one before has ended."""
+    """Amplitude and stick fraction with increasing speed of the disc: each motion starts from the
+    final state of the previous one."""
     over = {"V": np.linspace(*SPEEDS, speeds), "N": np.linspace(*FORCES, forces)}
     return ss.sweep(brake, over, ["amplitude:x", "stick_fraction"], carry="V up")
 
