@@ -95,8 +95,9 @@ def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> No
     ------
     DeclarationError
     """
-    if any(kind.fits(value) for kind in kinds):
-        return
+    for kind in kinds:
+        if kind.fits(value):
+            return
     # None goes without saying
     said = [kind for kind in kinds if kind is not _KINDS["None"]] or list(kinds)
     expected = " or ".join(dict.fromkeys(kind.name for kind in said))
@@ -130,6 +131,8 @@ def kinds_of(annotation: str) -> tuple[ArgumentKind, ...]:
 
 def is_real(value: Any) -> bool:
     """Whether a value is a real number that a float can hold."""
+    if type(value) is float:  # most are; abstract classes take ten times as long
+        return value == value
     # Also arrays without axes, of whatever library.
     if _is_truth(value) or not (isinstance(value, Real) or getattr(value, "ndim", 1) == 0):
         return False

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from html import escape
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -28,50 +28,55 @@ class Show(Protocol):
     def __call__(self, fraction: float | None, text: str = "") -> None: ...
 
 
-@contextmanager
-def watched(what: str, *, patience: float = 0.0) -> Iterator[Show]:
-    """A bar while the block runs, below that of the work it is part of, if that has one: on stderr
-    if that is a terminal, in the output of a notebook's cell if there is one, else nowhere.
+_Place = Callable[[str], AbstractContextManager[Show]]
+
+
+def watched(what: str, *, patience: float = 0.0) -> AbstractContextManager[Show]:
+    """A progress bar while the block runs, below that of the work it is part of, if that has one:
+    on stderr if that is a terminal, in the output of a notebook's cell if there is one, else none.
 
     Parameters
     ----------
     what : str
-        What is done, beside the bar.
+        Text beside the bar.
     patience : float
-        Seconds before which there is no bar; then it begins with the next thing to show.
+        Seconds before which there is no bar; then it appears with the next call.
     """
     place = _place()
+    # Every motion passes here: where no bar can appear, nothing is set up for one.
+    return nullcontext(_ignore) if place is None else _watched(what, place, patience)
+
+
+def told(
+    listener: _Listener | None, what: str, *, patience: float = PATIENCE
+) -> AbstractContextManager[_Listener | Show]:
+    """The receiver of the completed fraction: the caller's function, or a progress bar."""
+    return watched(what, patience=patience) if listener is None else nullcontext(listener)
+
+
+def _ignore(fraction: float | None, text: str = "") -> None:
+    """Show nothing."""
+
+
+@contextmanager
+def _watched(what: str, place: _Place, patience: float) -> Iterator[Show]:
     began = time.monotonic()
     with ExitStack() as stack:
         bar: Show | None = None
 
         def show(fraction: float | None, text: str = "") -> None:
             nonlocal bar
-            if place is None:
-                return
             if bar is None and time.monotonic() - began >= patience:
                 bar = stack.enter_context(place(what))
             if bar is not None:
                 bar(fraction, text)
 
-        if place is not None and patience == 0.0:
+        if patience == 0.0:
             bar = stack.enter_context(place(what))
         yield show
 
 
-@contextmanager
-def told(
-    listener: _Listener | None, what: str, *, patience: float = PATIENCE
-) -> Iterator[_Listener | Show]:
-    """The receiver of the completed fraction: the caller's function, or a progress bar."""
-    if listener is not None:
-        yield listener
-        return
-    with watched(what, patience=patience) as show:
-        yield show
-
-
-def _place() -> Callable[[str], AbstractContextManager[Show]] | None:
+def _place() -> _Place | None:
     """Output of progress bars; those of other threads and processes are not shown."""
     if threading.current_thread() is not threading.main_thread():
         return None

@@ -50,6 +50,7 @@ APART = 1e-5  # of its size: neighbours
 GROWN = 20.0  # neighbours are followed until their distance has changed by this factor …
 NEUTRAL = 0.96  # … unless that takes longer than with this multiplier
 PATIENCE = 300.0  # seconds of the processor for the library
+ATTRACTING = 60.0  # … for the reference to follow neighbours …
 SETTLING = 10.0  # … for a motion to settle …
 FINELY = 60.0  # … and in steps that miss nothing
 
@@ -188,11 +189,16 @@ def attracts(case: Repeating, own: Repeating, cycle: ss.Cycle) -> tuple[str, dic
             math.log(GROWN if largest < 1.0 else 1e3) / rate
         ),
     )
-    ratios = parting(case, own, cycle, rounds)
-    if ratios and cycle.stable and min(ratios) > 0.5:
-        # Where a change turns and its axes are far from square, it may grow before it decays.
-        rounds *= 3
-        ratios = parting(case, own, cycle, rounds)
+    try:
+        with at_most(ATTRACTING):
+            ratios = parting(case, own, cycle, rounds)
+            if ratios and cycle.stable and min(ratios) > 0.5:
+                # Where a change turns and its axes are far from square, it may grow before it
+                # decays.
+                rounds *= 3
+                ratios = parting(case, own, cycle, rounds)
+    except OutOfTime:
+        return "", {"multiplier": largest, "ratios": "not within the time"}
     numbers = {"ratios": ratios, "rounds": rounds, "multiplier": largest}
     if ratios and cycle.stable and min(ratios) > 0.5:
         return "called stable, neighbours are not attracted", numbers

@@ -14,7 +14,6 @@ import struct
 import sys
 import sysconfig
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -262,10 +261,12 @@ class Prepared:
     def words(self, arguments: tuple[Any, ...]) -> Any:
         """The words of these arguments; None if they are of another type."""
         made = self._room()
-        # The walk looks at what is usual; Python decides about the rest.
-        with suppress(TypeError, ValueError, OverflowError):
+        # The walk accepts the usual types; Python decides about all others.
+        try:  # a block of `contextlib.suppress` would take longer than the walk
             if self._walk is not None and not self._walk(arguments, self._plan_at, made):
                 return made
+        except (TypeError, ValueError, OverflowError):
+            pass
         return by_python(self._type, arguments)
 
 

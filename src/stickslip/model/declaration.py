@@ -401,9 +401,9 @@ def check_initial(
     unknowns : iterable of str
         Unknowns of structures that would have been accepted in its place.
     """
-    where = entry_key("initial", name)
     if name not in declaration.places:
         known = suggestion(name, [*unknowns, *declaration.state])
-        raise DeclarationError(where, "not a part of the state", known)
+        raise DeclarationError(entry_key("initial", name), "not a part of the state", known)
     if not is_finite(value):
+        where = entry_key("initial", name)
         raise DeclarationError(where, "not a finite number", "Give a finite number")

@@ -8,6 +8,7 @@ follow. What is declared without a unit is dimensionless.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -43,6 +44,7 @@ ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
 _JOULE = lowest_terms(factors("J"))[1]
 
 
+@lru_cache(4096)
 def contact_key(name: str) -> str:
     """Contact name as part of a variable name."""
     return "".join(c if c.isalnum() else "_" for c in name)

@@ -61,6 +61,7 @@ class _Bench(threading.local):
 _MOST_BENCHES = 4  # of a system, each for one order and one number of doubtful thresholds
 _MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
 _MOST_CONSTANTS = 4  # sets of matrices of a system
+_MOST_ROWS = 64  # sets of rows of a system, whose doubtful ones depend on parameters
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
 _MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
@@ -239,12 +240,16 @@ class Problem:
     @cached_property
     def rows(self) -> Rows:
         """Positions of quantities in the arrays of compiled functions."""
-        boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
-        doubtful = made_once(
-            self.compiled, "doubtful rows", lambda: self._doubtful(boxes), tuple(boxes.items()), 64
-        )
-        in_turn = int(self.system.impacts == "in turn")
-        return layout_rows(self.compiled)._replace(doubtful=doubtful, in_turn=in_turn)
+        given = self.boxes or self.parameters
+
+        def make() -> Rows:
+            boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
+            in_turn = int(self.system.impacts == "in turn")
+            own = layout_rows(self.compiled)
+            return own._replace(doubtful=self._doubtful(boxes), in_turn=in_turn)
+
+        key = self.boxes is None, *given.items(), self.system.impacts
+        return made_once(self.compiled, "rows of parameters", make, key, _MOST_ROWS)
 
     def _doubtful(self, boxes: dict[str, tuple[float, float]]) -> Array:
         """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may

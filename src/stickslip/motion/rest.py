@@ -26,31 +26,27 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     a proof, up to rounding. It is sufficient, not necessary: while the rest still rocks so widely
     that the bound fails, the answer is no.
     """
-    mode = knots.mode[-1].astype(np.int64)
-    region = knots.region[-1].astype(np.int64)
-    x = knots.state[-1]
-    if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
+    mode = knots.mode[-1]
+    layout = problem.compiled.layout
+    if len(mode) == 0 or mode.any() or layout.timed:
         return False
-    if problem.compiled.layout.planes:
+    if layout.planes:
         return _stays(problem, knots)
+    key = mode_key(mode.astype(np.int64), knots.region[-1].astype(np.int64))
     T = problem.closed_forms
-    found = (
-        np.flatnonzero((T.key == mode_key(mode, region)) & (T.status == AFFINE))
-        if len(T.status)
-        else []
-    )
+    found = ((T.key == key) & (T.status == AFFINE)).nonzero()[0]
     if len(found) == 0:
         return False
     slot = found[0]
     blocks, guards = T.counts[slot, :2]
-    s = np.append(x, [1.0, 0.0])
+    s = np.array([*knots.state[-1].tolist(), 1.0, 0.0])
     sizes: Array = np.abs(s)
     rates: Array = T.exponent[slot, :blocks]
     r: Array = T.R[slot, :blocks] @ s
     excited = np.abs(r) > ROUNDED_SUM * (np.abs(T.R[slot, :blocks]) @ sizes)
     drift = T.c1[slot] @ s
     terms = np.abs(T.c1[slot]) @ sizes
-    if np.any(np.abs(drift) > ROUNDED_SUM * terms) or np.any(excited & (rates.real >= 0.0)):
+    if (np.abs(drift) > ROUNDED_SUM * terms).any() or (excited & (rates.real >= 0.0)).any():
         return False
     coefficients: Array = T.a[slot, :guards, :blocks]
     constant = T.G[slot, :guards] @ s - (coefficients @ r).real
@@ -59,7 +55,7 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
     # chosen.
     inert = bound <= margin
-    return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))
+    return bool(np.where(inert, constant >= -margin, constant - bound > margin).all())
 
 
 def _stays(problem: Problem, knots: Knots) -> bool:
