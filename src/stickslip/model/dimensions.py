@@ -3,7 +3,7 @@
 Units are optional, and numbers may hide some (a mass of 1, a 9.81). So a term counts only if every
 name in it has a unit, one of its factors is a parameter, samples or a table, and its coefficient is
 a plain one such as 1/2. A parameter that was declared as a plain number has no unit that is known.
-What does not agree is a doubt, not an error: nothing that is computed depends on units.
+Inconsistent units cause a warning, not an error, because no computation depends on units.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def disagreements(system: System) -> list[str]:
     declared = (system.parameters, system.coordinates, system.internal, system.dry_contacts)
     if not any(item.unit for group in declared for item in group.values()):
         return []
-    return _Check(system).doubts()
+    return _Check(system).conflicts()
 
 
 class _Check:
@@ -63,7 +63,7 @@ class _Check:
             found |= {drive: ex.sym(name), ex.derivative(drive, "t"): ex.sym(f"d_{name}")}
         return {e: name for e, name in found.items() if e.op != "num"}
 
-    def doubts(self) -> list[str]:
+    def conflicts(self) -> list[str]:
         d, time = self.system.declaration, self.units["t"]
         energy, label = self.energy()
         power, as_power = _over(energy, time), f"{label}, divided by time,"

@@ -58,7 +58,7 @@ class _Bench(threading.local):
         return _Bench, ()
 
 
-_MOST_BENCHES = 4  # of a system, each for one order and one number of doubtful thresholds
+_MOST_BENCHES = 4  # of a system, each for one order and one number of thresholds with guards
 _MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
 _MOST_CONSTANTS = 4  # sets of matrices of a system
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
@@ -155,7 +155,7 @@ class Problem:
     @cached_property
     def _bench(self) -> _Bench:
         # Motions of a system come one after the other, mostly.
-        sizes = self.order, len(self.rows.doubtful)
+        sizes = self.order, len(self.rows.required)
         return made_once(self.compiled, "bench", _Bench, sizes, _MOST_BENCHES)
 
     @cached_property
@@ -213,9 +213,9 @@ class Problem:
         alone = alone and all(p[MASSIVE] == 1 and p[FORMULA] < 0 for p in layout.planes)
         small = small and (n > _FEW_BESIDE_PLANES or not layout.planes)
         slots = slots if small and self.exact and alone else 0
-        doubtful, planes = len(self.rows.doubtful), len(layout.planes)
+        required, planes = len(self.rows.required), len(layout.planes)
         waves = layout.frequencies
-        return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, waves, planes)
+        return make_closed_forms(groups, slots, n, contacts, kinks, required, waves, planes)
 
     @property
     def has_quadratic_powers(self) -> bool:
@@ -240,13 +240,13 @@ class Problem:
     def rows(self) -> Rows:
         """Positions of quantities in the arrays of compiled functions."""
         boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
-        doubtful = made_once(
-            self.compiled, "doubtful rows", lambda: self._doubtful(boxes), tuple(boxes.items()), 64
+        required = made_once(
+            self.compiled, "required rows", lambda: self._required(boxes), tuple(boxes.items()), 64
         )
         in_turn = int(self.system.impacts == "in turn")
-        return layout_rows(self.compiled)._replace(doubtful=doubtful, in_turn=in_turn)
+        return layout_rows(self.compiled)._replace(required=required, in_turn=in_turn)
 
-    def _doubtful(self, boxes: dict[str, tuple[float, float]]) -> Array:
+    def _required(self, boxes: dict[str, tuple[float, float]]) -> Array:
         """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may
         be inadmissible, for parameters in boxes."""
         layout = self.compiled.layout

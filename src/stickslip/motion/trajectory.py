@@ -204,7 +204,7 @@ class Trajectory(Result):
         k = self.knots
         first = len(self.problem.compiled.equations.kinks)
         numbers = {first + i: key for key, i in self._switches.openings.items()}
-        struck = self._strikes
+        struck = self._impacts
         before = self._retraced.rows(k.clock[struck], struck - 1)
         after = self._retraced.rows(k.clock[struck], struck)
         rows = [self.problem.compiled.layout.u[k.cause[i] - first] for i in struck]
@@ -221,7 +221,7 @@ class Trajectory(Result):
         )
 
     @cached_property
-    def _strikes(self) -> Array:
+    def _impacts(self) -> Array:
         """Knots at which a gap has closed with a speed, so that velocities jump; not the last one
         where the motion ends because they cannot."""
         k = self.knots
@@ -236,7 +236,7 @@ class Trajectory(Result):
     def _leaps(self) -> Array:
         """Knots at which the state jumps, in impacts or declared jumps."""
         jumped = np.flatnonzero(np.any(self._switches.jumped, axis=1)) + 1
-        return np.union1d(self._strikes, jumped)
+        return np.union1d(self._impacts, jumped)
 
     @cached_property
     def jumps(self) -> pandas.DataFrame:

@@ -101,15 +101,15 @@ class _Watchman:
 
 
 _watchman: _Watchman | None = None
-_hiring = threading.Lock()
+_creating = threading.Lock()
 
 
-def _hired() -> _Watchman:
+def _instance() -> _Watchman:
     """The watchman of this process."""
     global _watchman
     if _watchman is not None:
         return _watchman
-    with _hiring:
+    with _creating:
         if _watchman is None:
             _watchman = _Watchman()
         return _watchman
@@ -117,8 +117,8 @@ def _hired() -> _Watchman:
 
 def _dismiss() -> None:
     """A process that was forked has no such thread."""
-    global _watchman, _hiring
-    _watchman, _hiring = None, threading.Lock()
+    global _watchman, _creating
+    _watchman, _creating = None, threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
@@ -127,7 +127,7 @@ if hasattr(os, "register_at_fork"):
 
 def expect(due: Due) -> None:
     """Raise a flag at its time."""
-    watchman = _hired()
+    watchman = _instance()
     watchman.due[id(due.late)] = due
     watchman.wake()
 
@@ -138,30 +138,30 @@ def expect_no_more(late: Array) -> None:
         _watchman.due.pop(id(late), None)
 
 
-class Heard(NamedTuple):
+class PreviousHandler(NamedTuple):
     """Who listened to signals before."""
 
     watchman: _Watchman
     before: int
 
 
-def hear(wish: Array) -> Heard | None:
+def listen(interrupt: Array) -> PreviousHandler | None:
     """Raise a flag at Ctrl-C from now on; None where nobody is told of signals: in any thread but
     the main one."""
     if threading.current_thread() is not threading.main_thread():
         return None
-    watchman = _hired()
+    watchman = _instance()
     try:
         before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
     except ValueError:  # the main thread of an interpreter in another one
         return None
     if before == watchman.rope:  # an exception came before it was given back
         before = -1
-    watchman.keyboard, watchman.others = wish, before
-    return Heard(watchman, before)
+    watchman.keyboard, watchman.others = interrupt, before
+    return PreviousHandler(watchman, before)
 
 
-def hear_no_more(heard: Heard) -> None:
+def stop_listening(previous: PreviousHandler) -> None:
     """Give signals back to who listened to them before."""
-    heard.watchman.keyboard = None
-    signal.set_wakeup_fd(heard.before)
+    previous.watchman.keyboard = None
+    signal.set_wakeup_fd(previous.before)

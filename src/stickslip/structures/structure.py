@@ -473,7 +473,7 @@ class Structure:
         return self.summary()._repr_html_()
 
 
-def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
+def attach_modes(structure: Structure, squares: Array, modes: Array) -> None:
     """Let a structure that has just been made have modes that are known.
 
     Parameters
@@ -489,7 +489,7 @@ def _remade(parts: dict[str, Any], modes: tuple[Array, Array] | None) -> Structu
     """A structure from another process, with the same modes."""
     made = Structure(**parts)
     if modes is not None:
-        remember_modes(made, *modes)
+        attach_modes(made, *modes)
     return made
 
 

@@ -6,7 +6,7 @@ says what nobody can derive: value, derivative, and how its values run. The rest
 * derivatives of all orders, and slopes on intervals, from the formula of the derivative;
 * enclosures from the values at the ends, where the function is monotone; else from the slope;
 * the Taylor series from the chain rule, y′ = f′(x) x′, with the series of that formula;
-* how far values stray on a disc of complex numbers from the mean value, |f(z) − f(c)| ≤ r sup|f′|.
+* bounds of the deviation on a complex disc, |f(z) − f(c)| ≤ r sup|f′|.
 
 A few functions are closer to their derivatives than that, and have a `recurrence` and a `growth` of
 their own. Whatever is not of this table is structure, not a function: sums and powers
@@ -238,8 +238,8 @@ class Function:
         return self._read(self.relative) if self.relative else None
 
     @cached_property
-    def stray(self) -> Callable[[Function, Any, Any], Any]:
-        """The function that `growth` names."""
+    def deviation_rule(self) -> Callable[[Function, Any, Any], Any]:
+        """The function named by `growth`, which bounds deviations."""
         return resolve_name(self.growth)
 
     def _read(self, text: str) -> Expr:

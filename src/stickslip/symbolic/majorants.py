@@ -44,10 +44,10 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
     nodes = list(ex.walk([expression]))
     with np.errstate(all="ignore"):
         one_branch = _one_branch([e.args[0] for e in nodes if e.op == "select"], name, start, end)
-        return _strays(nodes, name, 0.5 * (start + end), radius, one_branch)[1][expression]
+        return _deviations(nodes, name, 0.5 * (start + end), radius, one_branch)[1][expression]
 
 
-def _strays(
+def _deviations(
     nodes: list[Expr], name: str, middle: Array, radius: Array, one_branch: Known
 ) -> tuple[Known, Known]:
     """Values of nodes in the middle, and bounds of their deviation."""
@@ -106,7 +106,7 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
             return np.exp(values[exponent] * log + total) * -np.expm1(-total)
         case _:
             row = FUNCTIONS[e.op]
-            return row.stray(row, values[e.args[0]], bounds[e.args[0]])
+            return row.deviation_rule(row, values[e.args[0]], bounds[e.args[0]])
 
 
 def _of_power(a: Array, b: Array, p: float) -> Array:
@@ -134,7 +134,7 @@ def by_mean_value(row: Function, a: Array, b: Array) -> Array:
     slope = row.shown_slope
     nodes = list(ex.walk([slope]))
     kinks = {e.args[0]: np.zeros(len(a), bool) for e in nodes if e.op == "select"}
-    values, bounds = _strays(nodes, ARGUMENT, a, b, kinks)
+    values, bounds = _deviations(nodes, ARGUMENT, a, b, kinks)
     return b * (np.abs(values[slope]) + bounds[slope])
 
 

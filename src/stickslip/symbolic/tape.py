@@ -94,8 +94,8 @@ class Instruction:
         that solves an equation: at order 0 the zero of `zero`, an increasing function of the row
         (and its slope); at the others the integral of its input, which comes later. The `place`
         instructions behind it make that function and its slope as rows; WITHIN, with these as
-        inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
-        inputs but the last, the direction in slip and, as last row, the modulus; in stick, and
+        inputs, makes no series, but bounds the deviation of the rate. DIRECTION makes of a vector,
+        its inputs but the last, the direction in slip and, as last row, the modulus; in stick, and
         where a contact that presses it is open, the direction is that of its parts, zero if there
         are none, and the modulus zero. Where the modulus is zero up to rounding (the last input is
         the size of its terms), and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows

@@ -83,11 +83,11 @@ class Assembly:
         Whether that block has its last instruction.
     declared : dict
         Declarations of what is called from outside, by name.
-    promises, within : str
+    attributes, within : str
         What LLVM may assume of functions of numbers from outside, and of addresses of entries.
     """
 
-    promises, within = " #1", "inbounds "
+    attributes, within = " #1", "inbounds "
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -209,7 +209,7 @@ class Assembly:
         """
         operands = [operand(x) for x in given]
         kinds = ", ".join(x.type for x in operands)
-        group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises
+        group = "" if name.startswith("llvm.") or POINTER in kinds else self.attributes
         declaration = f"declare{convention} {type_} @{name}({kinds}){group}"
         if self.declared.setdefault(name, declaration) != declaration:
             raise WrongType(f"{declaration}, which is a {self.declared[name]}")

@@ -13,13 +13,13 @@ from stickslip.translator.values import (
     Type,
 )
 
-_PROMISES: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
+_ANNOTATED: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
 
 
-def promise(annotation: ast.expr | None) -> Scalar | None:
+def annotated_type(annotation: ast.expr | None) -> Scalar | None:
     """The type of number that an annotation names, if it names one."""
     named = getattr(annotation, "id", None) or getattr(annotation, "value", "")
-    return _PROMISES.get(named)
+    return _ANNOTATED.get(named)
 
 
 class Definition(NamedTuple):

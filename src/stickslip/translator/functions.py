@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from stickslip.translator import Compiled, calls
 from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, operand
-from stickslip.translator.definitions import Definition, promise
+from stickslip.translator.definitions import Definition, annotated_type
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -86,9 +86,9 @@ class Function(Values, ast.NodeVisitor):
         """Refuse, and say where."""
         raise self._refusal(what, remedy)
 
-    def doubt(self, what: str, remedy: str) -> None:
+    def refuse_later(self, what: str, remedy: str) -> None:
         """Reject in the end, unless another round finds other types."""
-        self.doubts.append(self._refusal(what, remedy))
+        self.refusals.append(self._refusal(what, remedy))
 
     def _refusal(self, what: str, remedy: str) -> Refusal:
         file = self.compiled.python.__code__.co_filename
@@ -105,8 +105,8 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.here = self.node
             self.refuse("the types of variables cannot be inferred", "Annotate or rename them")
-        if self.doubts:
-            raise self.doubts[0]
+        if self.refusals:
+            raise self.refusals[0]
         result, given = self.result or NONE, list[tuple[str, str]]()
         if isinstance(result, TupleType):
             given.append(("ptr noalias writeonly captures(none) align 8", "%out"))
@@ -121,7 +121,7 @@ class Function(Values, ast.NodeVisitor):
     def write(self) -> None:
         """One round, with the types that are known."""
         super().__init__()
-        self.doubts: list[Refusal] = []
+        self.refusals: list[Refusal] = []
         self.called: set[str] = set()
         self.values: dict[str, Value] = {}
         self.places: dict[str, Register] = {}
@@ -173,7 +173,7 @@ class Function(Values, ast.NodeVisitor):
         if node.value is None:
             self.refuse("a variable without a value", "Assign one")
         value = self.settled(self.plain(self.visit(node.value)))
-        if isinstance(node, ast.AnnAssign) and (said := promise(node.annotation)):
+        if isinstance(node, ast.AnnAssign) and (said := annotated_type(node.annotation)):
             value = self.cast(value, said)
         for target in [node.target] if isinstance(node, ast.AnnAssign) else node.targets:
             self.assign(target, value)
@@ -245,9 +245,9 @@ class Function(Values, ast.NodeVisitor):
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
         type_ = joined(self.result or value.type, value.type)
-        promised = promise(self.node.returns)
-        if promised is not None and isinstance(value.type, Scalar):
-            type_ = promised
+        declared = annotated_type(self.node.returns)
+        if declared is not None and isinstance(value.type, Scalar):
+            type_ = declared
         if type_ is None or (type_ == NONE) != (value.type == NONE):
             self.refuse("results of several types", "Return the same type everywhere")
         if type_ != self.result:

@@ -313,7 +313,7 @@ class Values(Assembly):
         """Reject what is being translated."""
         raise Refusal(f"{what}. {remedy}")
 
-    def doubt(self, what: str, remedy: str) -> None:
+    def refuse_later(self, what: str, remedy: str) -> None:
         """Refuse, unless some variables turn out to be of another type."""
         self.refuse(what, remedy)
 
@@ -616,7 +616,7 @@ class Values(Assembly):
         if COMPLEX in (a.type, b.type):
             self.refuse(*what)
         if b.type == INT and a.type != FLOAT:
-            self.doubt(*what)  # nothing else is for real numbers alone
+            self.refuse_later(*what)  # nothing else is for real numbers alone
         a = self.cast(a, FLOAT)
         if b.type == INT and not b.is_known:
             return self.runtime("power_whole", a, b)

@@ -62,8 +62,8 @@ class Arithmetic(Assembly):
         By name.
     """
 
-    # with promises, LLVM would call other functions of C than those that are written here
-    promises, within = "", ""
+    # with attributes, LLVM would call other functions of C than those that are written here
+    attributes, within = "", ""
 
     def __init__(self, name: str, arguments: Sequence[Register], result: str) -> None:
         super().__init__()

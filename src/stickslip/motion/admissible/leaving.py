@@ -32,8 +32,8 @@ from stickslip.motion.admissible.overload import (
 )
 from stickslip.motion.admissible.sharing import (
     STAYS,
-    grip,
     held_at,
+    orthonormalise,
     speed_of,
     sticks_in,
     turns,
@@ -81,7 +81,7 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             space.leaving[c] = STAYS
     if place_polynomials(flow, mode, group):
         return False, 0.0
-    count, rank = grip(flow, mode, space.W, group)
+    count, rank = orthonormalise(flow, mode, space.W, group)
     if count > rank and turns(flow, mode, group):
         return find_leaving_turned(flow, mode, group, lack), 1.0
     end = 1.0
@@ -317,7 +317,7 @@ def spare_part(flow: Flow, mode: Array, first: int) -> float:
     rows = flow.rows
     aside = flow.space.aside
     group = rows.group[first]
-    rank = grip(flow, mode, flow.space.W, group)[1]
+    rank = orthonormalise(flow, mode, flow.space.W, group)[1]
     part = 0.5
     while part > _PROVED:
         place_held(flow, mode, flow.space.W, group)
@@ -330,7 +330,7 @@ def spare_part(flow: Flow, mode: Array, first: int) -> float:
 
 
 @compiled(brief=True)
-def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
+def missing_fraction(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
     """The part of the forces that contacts which share them may lack on a piece, in powers of 10;
     0 if it is proved that it is at most `least`.
 
@@ -343,7 +343,7 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
         The first contact of them, and the degree.
     """
     group = flow.rows.group[first]
-    count, rank = grip(flow, mode, flow.space.W, group)
+    count, rank = orthonormalise(flow, mode, flow.space.W, group)
     turned = count > rank and turns(flow, mode, group)
     lack = least
     while lack < 1.0:

@@ -17,7 +17,7 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sharing import grip, is_first, sticks_in
+from stickslip.motion.admissible.sharing import is_first, orthonormalise, sticks_in
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of, given_force, part_to_set
 from stickslip.translator import compiled
@@ -38,7 +38,7 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
         group = rows.group[first]
         if group < 0 or mode[first] != 0 or not is_first(rows, mode, first):
             continue
-        count, rank = grip(flow, mode, table, group)
+        count, rank = orthonormalise(flow, mode, table, group)
         place_held(flow, mode, table, group)
         if count == rank or fits(flow, mode, group, 0.0):
             continue

@@ -34,7 +34,7 @@ from stickslip.motion.admissible.overload import (
     inner_forces,
     overload,
 )
-from stickslip.motion.admissible.sharing import grip, sticks_in
+from stickslip.motion.admissible.sharing import orthonormalise, sticks_in
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
@@ -79,7 +79,7 @@ def turn_to(flow: Flow, mode: Array, group: int, x: float) -> int:
                 for k in range(flow.order):
                     orders[k] = space.W[row, k] * space.powers[k]
                 space.V[row, 0] = horner(orders, flow.order - 1, x)
-    return grip(flow, mode, space.V, group)[1]
+    return orthonormalise(flow, mode, space.V, group)[1]
 
 
 @compiled(brief=True)
@@ -267,7 +267,7 @@ def lead_over(flow: Flow, mode: Array, group: int, d: int, a: float, b: float, l
             space.bend[i, j] = 0.0
             for c in range(mq):
                 if sticks_in(rows, mode, c, group):
-                    space.bend[i, j] += space.grip[c, i] * space.grip[c, j]
+                    space.bend[i, j] += space.in_basis[c, i] * space.in_basis[c, j]
     if not invert(space.bend, rank, space.unbent):
         return False
     own = mq * nq  # the first row of ν
@@ -370,7 +370,7 @@ def cancel_order(flow: Flow, mode: Array, group: int, rank: int, k: int, d: int)
             continue
         force = 0.0
         for r in range(rank):
-            force += space.grip[c, r] * least[r]
+            force += space.in_basis[c, r] * least[r]
         if k <= d:
             series[mq * nq + c, k] -= force
         else:

@@ -19,8 +19,8 @@ from stickslip.motion.affine.forms import (
     EXPONENTS,
     FACETS,
     FEW_COMPONENTS,
-    GERM_ORDERS,
     GUARDS,
+    LEADING_ORDERS,
     SEARCHED,
     SLIDES,
     SMOOTH,
@@ -537,9 +537,9 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             combine(G[g + 1], F[force + c], -1.0, F[minus + c], 1.0)
             switch[g + 1] = nk + 2 * c + 1
             g += 2
-    for d in range(len(rows.doubtful)):
-        c = rows.doubtful[d, SLIPPING]
-        if c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0:
+    for d in range(len(rows.required)):
+        c = rows.required[d, SLIPPING]
+        if c < 0 or mode[c] * rows.required[d, TOWARDS] > 0:
             combine(G[g], F[n + 4 * nc + nk + d], 1.0, F[0], 0.0)
             switch[g] = nk + 2 * nc + d
             g += 1
@@ -555,7 +555,7 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             felt = felt or G[i, j] != 0.0
         T.felt[slot, j] = 1.0 if felt else 0.0
         w.ones[0, j] = 1.0
-    for k in range(GERM_ORDERS + 1):
+    for k in range(LEADING_ORDERS + 1):
         size = w.ones[k % 2]
         after = w.ones[(k + 1) % 2]
         for i in range(g):
@@ -598,7 +598,7 @@ def put_facets(T: ClosedForms, w: Making, slot: int, rows: Rows, p: int, g: int)
             along = math.cos(angle) if i == 0 else math.sin(angle)
             axis = ratio_of(F[held + 1 + i], F[n + c])
             combine(row, row, 1.0, F[n + nc + c], -along / axis)
-        T.switch[slot, g] = len(rows.kinks) + 2 * nc + len(rows.doubtful) + p
+        T.switch[slot, g] = len(rows.kinks) + 2 * nc + len(rows.required) + p
         g += 1
     return g
 

@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     COORDINATES,
     DIMENSION,
-    DOUBTED,
     FIRST_ROW,
     INERTIAL,
     LEAD,
@@ -29,6 +28,7 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     RATE_INDEPENDENT,
+    REQUIRED,
     SEAT,
     STATIC,
     VISCOUS,
@@ -93,7 +93,7 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
     n, nq = int(rows.sizes[DIMENSION]), int(rows.sizes[INERTIAL])
     nc = len(rows.u)
     drives = 2 + 2 * waves
-    values = n + 4 * nc + len(rows.kinks) + len(rows.doubtful) + 3 * len(rows.planes)
+    values = n + 4 * nc + len(rows.kinks) + len(rows.required) + 3 * len(rows.planes)
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     several = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * drives)]
     later = np.array([0.0, *(several if waves else [1.0] * timed)])
@@ -116,7 +116,7 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
 @compiled()
 def facet_row(rows: Rows, p: int) -> int:
     """The first of the rows of a contact in a plane, behind all others."""
-    others = rows.sizes[DIMENSION] + 4 * len(rows.u) + len(rows.kinks) + len(rows.doubtful)
+    others = rows.sizes[DIMENSION] + 4 * len(rows.u) + len(rows.kinks) + len(rows.required)
     return int(others + 3 * p)
 
 
@@ -266,8 +266,8 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
         out[n + 3 * nc + c] = W[rows.minus[c], 0]
     for j in range(nk):
         out[n + 4 * nc + j] = W[rows.kinks[j], 0]
-    for d in range(len(rows.doubtful)):
-        out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
+    for d in range(len(rows.required)):
+        out[n + 4 * nc + nk + d] = W[rows.required[d, REQUIRED], 0]
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
         row = facet_row(rows, p)

@@ -28,7 +28,7 @@ from stickslip.motion.audit.accounts import (
     free_speed,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import strays
+from stickslip.motion.audit.between_nodes import deviation_bound
 from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
@@ -123,7 +123,7 @@ def sample_plane(
 
 
 @compiled()
-def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
+def product_deviation(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
     """Bound of the deviation of a product of two rows between the nodes.
 
     Parameters
@@ -133,7 +133,7 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
     a, b : int
         The rows.
     factor : float
-        As in :func:`.strays`.
+        As in :func:`.deviation_bound`.
     """
     x, y = abs(W[a, 0]), abs(W[b, 0])
     u, v = discs[a, BALL], discs[b, BALL]
@@ -200,14 +200,14 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     rounding = ROUNDING * whole_speed(rows, mag, c)
     if mode[c] == 0:
         force = law[c, LARGEST_FORCE]
-        loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
+        loose = deviation_bound(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
         unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, EXCESS] = most(law[c, EXCESS], (loose - low - unsure) / force)
         for i in range(len(block)):
-            moves = strays(discs[plane[AHEAD + i]], factor) if known else 0.0
+            moves = deviation_bound(discs[plane[AHEAD + i]], factor) if known else 0.0
             creep = largest_of(samples[samples_of(rows, block[i]) + 1]) + moves - rounding
             law[c, CREEP] = most(law[c, CREEP], creep)
         return
@@ -215,11 +215,11 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     across = 0.0
     unit = 0.0
     for j in range(len(block) if known else 0):
-        along += product_strays(W, discs, aim + j, plane[AHEAD + j], factor)
-        unit += product_strays(W, discs, aim + j, aim + j, factor)
+        along += product_deviation(W, discs, aim + j, plane[AHEAD + j], factor)
+        unit += product_deviation(W, discs, aim + j, aim + j, factor)
         for i in range(j):
-            across += product_strays(W, discs, aim + i, plane[AHEAD + j], factor)
-            across += product_strays(W, discs, aim + j, plane[AHEAD + i], factor)
+            across += product_deviation(W, discs, aim + i, plane[AHEAD + j], factor)
+            across += product_deviation(W, discs, aim + j, plane[AHEAD + i], factor)
     low = least_on_nodes(samples[row], space.bernstein, rounding)
     law[c, BACKWARDS] = most(law[c, BACKWARDS], along - rounding - low)
     for j in range(len(block)):
@@ -233,7 +233,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         off = largest_of(samples[samples_of(rows, block[1])])
         off -= ROUNDING * (force_terms(rows, mag, c) + force_terms(rows, mag, block[1]))
         if known and law[c, LARGEST_FORCE] > 0.0:
-            off += strays(discs[plane[ADMISSIBLE]], factor) / law[c, LARGEST_FORCE]
+            off += deviation_bound(discs[plane[ADMISSIBLE]], factor) / law[c, LARGEST_FORCE]
         law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], off)
 
 

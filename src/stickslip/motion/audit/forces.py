@@ -40,7 +40,7 @@ from stickslip.motion.admissible.cones import (
     no_cones,
 )
 from stickslip.motion.admissible.impacts_law import put_part
-from stickslip.motion.admissible.leaving import lacking_part
+from stickslip.motion.admissible.leaving import missing_fraction
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first, sticks_in
 from stickslip.motion.affine.nodes import (
     COUNT,
@@ -60,7 +60,7 @@ from stickslip.motion.audit.accounts import (
     Tally,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import blurred_by_turns
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve
@@ -545,16 +545,18 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
                 continue
             least = max(least, piece.rounding * force_terms(rows, space.mag, c) / force)
             if known:
-                strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
-                strayed += strays(space.discs[radius_row(rows, c)], piece.factor)
-                loose = max(loose, strayed / force + turn_strays(flow, c, piece.factor))
-        lack = lacking_part(flow, mode, first, COUNT - 1, least)
+                deviation = deviation_bound(space.discs[rows.force[c]], piece.factor) / axis_of(
+                    flow, c
+                )
+                deviation += deviation_bound(space.discs[radius_row(rows, c)], piece.factor)
+                loose = max(loose, deviation / force + direction_deviation(flow, c, piece.factor))
+        lack = missing_fraction(flow, mode, first, COUNT - 1, least)
         loose += turned if turned > least else 0.0
         law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])
 
 
 @compiled()
-def turn_strays(flow: Flow, c: int, factor: float) -> float:
+def direction_deviation(flow: Flow, c: int, factor: float) -> float:
     """Bound of the relative deviation of a direction between the nodes of a piece.
 
     Parameters
@@ -567,10 +569,10 @@ def turn_strays(flow: Flow, c: int, factor: float) -> float:
         As in :class:`StepPiece`.
     """
     rows, space = flow.rows, flow.space
-    size, strayed = 0.0, 0.0
+    size, deviation = 0.0, 0.0
     for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
         size += abs(direction_entry(rows, flow.k.J, space.W, c, j))
         row = rows.turning[c, j]
         if row >= 0:
-            strayed += strays(space.discs[row], factor)
-    return strayed / size if strayed > 0.0 else 0.0
+            deviation += deviation_bound(space.discs[row], factor)
+    return deviation / size if deviation > 0.0 else 0.0

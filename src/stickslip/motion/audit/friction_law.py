@@ -30,7 +30,7 @@ from stickslip.motion.audit.accounts import (
     free_speed,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
@@ -215,9 +215,12 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
         if factor < np.inf:
-            loose = strays(discs[rows.force[c]], factor)
-            loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
-            tight = strays(discs[rows.u[c]], factor)
+            loose = deviation_bound(discs[rows.force[c]], factor)
+            loose += max(
+                deviation_bound(discs[rows.plus[c]], factor),
+                deviation_bound(discs[rows.minus[c]], factor),
+            )
+            tight = deviation_bound(discs[rows.u[c]], factor)
         if resting(mode[c]):
             for part in range(2 if space.leaving[c] == ON_ITS_OWN or mode[c] != 0 else 0):
                 low = least_on_nodes(
@@ -237,7 +240,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
                     law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
                 )
     for j in range(len(rows.kinks)):
-        between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
+        between = deviation_bound(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * NEGLIGIBLE_PART * tally.kinks[j, REACHED]
         low = least_on_nodes(
             samples[samples_of(rows, len(rows.u)) + j], space.bernstein, negligible
@@ -267,7 +270,7 @@ def judge_opening(
     law = tally.law
     row = samples_of(rows, c)
     known = factor < np.inf
-    apart = strays(space.discs[rows.gaps[c]], factor) if known else 0.0
+    apart = deviation_bound(space.discs[rows.gaps[c]], factor) if known else 0.0
     apart -= ROUNDING * gap_size(rows, space, c)
     if mode[c] != 0:
         low = least_on_nodes(
@@ -277,7 +280,7 @@ def judge_opening(
         if abs(mode[c]) == 2:  # carried, it touches
             law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row]) + apart)
         return
-    loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
+    loose = deviation_bound(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(
         space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
     )

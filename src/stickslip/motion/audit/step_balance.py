@@ -53,7 +53,7 @@ from stickslip.motion.audit.accounts import (
     count_gaps,
 )
 from stickslip.motion.audit.beginnings import judge_beginning
-from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_strays
+from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_deviation
 from stickslip.motion.audit.contact_planes import share_sizes
 from stickslip.motion.audit.forces import (
     asks_for_others,
@@ -308,7 +308,7 @@ def measure_piece(
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
         known = piece.factor < np.inf
-        between = residual_strays(rows, space.discs, r, piece.factor) if known else 0.0
+        between = residual_deviation(rows, space.discs, r, piece.factor) if known else 0.0
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)

@@ -21,7 +21,7 @@ SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
 )
 IMPLICIT_ROW, WITHIN, DIRECTION_ROW = int(Op.IMPLICIT), int(Op.WITHIN), int(Op.DIRECTION)
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
-# for a part of the state, how far its derivative strays.
+# for a component of the state, a bound of the deviation of its derivative.
 BALL, OFF, AT_LEAST, SLOPE = range(4)
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.motion.modes.guards import scan
-from stickslip.motion.modes.mode_series import keeps, make_series, unit_for
+from stickslip.motion.modes.mode_series import make_series, matches_prediction, unit_for
 from stickslip.motion.modes.pivots import (
     flip_apart,
     flip_at_ends,
@@ -29,7 +29,6 @@ from stickslip.motion.modes.pivots import (
 )
 from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
-    ASTRAY,
     CAUSE,
     IMPLICIT,
     KINKS,
@@ -41,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     ON_RATE_INDEPENDENT,
     ON_VISCOUS,
     OVERFLOW,
+    REJECTED,
     UNIT,
     Flow,
     Instant,
@@ -51,7 +51,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
-from stickslip.motion.steps.stiff import RESTING, collocate, lingers
+from stickslip.motion.steps.stiff import RESTING, collocate, is_implicit_due
 from stickslip.motion.steps.vectors import clear, copy
 from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
@@ -68,7 +68,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 
 @compiled()
 def settle_mode(
-    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, unchecked: float
 ) -> tuple[int, float, float, int]:
     """Find the mode the motion takes now; its series, or a polynomial, is left in the work space.
 
@@ -76,14 +76,14 @@ def settle_mode(
     ----------
     room, hold
         Longest step that is wanted; whether sticking contacts are put onto the surface speed.
-    promised : float
-        Length of the step that ended here, if its promise has not been checked; otherwise 0.
+    unchecked : float
+        Length of the last step if its predicted rates have not been checked yet; otherwise 0.
 
     Returns
     -------
     status, step, series, count
         OK, the step size, that of the series, and the number of guards that may fire; NAN or
-        INDEFINITE; SINGULAR if no mode is possible; ASTRAY if the last step is wrong.
+        INDEFINITE; SINGULAR if no mode is possible; REJECTED if the last step is inaccurate.
     """
     rows = flow.rows
     space = flow.space
@@ -116,8 +116,12 @@ def settle_mode(
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
-        if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
-            return ASTRAY, 0.0, 0.0, 0
+        if (
+            known
+            and unchecked > 0.0
+            and not matches_prediction(flow, space.W, lane.y, lane.seen, unchecked)
+        ):
+            return REJECTED, 0.0, 0.0, 0
         if status == OK and len(rows.bounded) > 0 and watches_nothing(rows, space.W):
             status = NAN
         # A formula may end where its region ends.
@@ -214,7 +218,7 @@ def try_mode(
     length = h
     # Where a slip in a plane is slow, discs cut what is stiff as well.
     whole = not step < h or slides_in_plane(flow.rows, mode)
-    stiff = quiet and whole and lingers(flow, lane, step, room)
+    stiff = quiet and whole and is_implicit_due(flow, lane, step, room)
     if stiff:
         here = Instant(clock[NOW], lane.y, mode, lane.reg)
         step, clock[IMPLICIT] = collocate(machine, flow, here, step, clock[IMPLICIT], lane.seen)

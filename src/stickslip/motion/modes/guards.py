@@ -12,10 +12,10 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
     DIMENSION,
-    DOUBTED,
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
+    REQUIRED,
     SLIPPING,
     SLIPS,
     TOWARDS,
@@ -111,7 +111,7 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
 
 
 @compiled()
-def germ(
+def leading_term(
     W: Array, guard: GuardRow, N: int, powers: Array, slack: float, c: Array
 ) -> tuple[int, int]:
     """Sign of a guard for small times, and the order that decides it.
@@ -188,7 +188,7 @@ def stands(rows: Rows, mode: Array) -> bool:
 
 
 @compiled()
-def spell(word: int, mode: Array, region: Array) -> int:
+def extended_word(word: int, mode: Array, region: Array) -> int:
     """A word, as a number, with one letter more: the mode of each contact and the region of each
     kink.
 
@@ -234,7 +234,7 @@ def stays(
         return False
     spare = space.pending[len(space.pending) - 1]
     guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0, 0.0)
-    s, _ = germ(W, guard, N, space.powers, slack, spare)
+    s, _ = leading_term(W, guard, N, space.powers, slack, spare)
     return s == 0
 
 
@@ -262,7 +262,7 @@ def is_second(guard: int, nk: int) -> bool:
 
 
 @compiled()
-def doubt_of(guard: int, nk: int, nc: int) -> int:
+def requirement_of(guard: int, nk: int, nc: int) -> int:
     """Number of a guard among the rows that must not become negative; negative if it is not one of
     them."""
     return guard - nk - 2 * nc
@@ -273,7 +273,7 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
     """The switch that a guard belongs to; −1 for what must not become negative."""
     if guard < nk:
         return guard
-    return nk + contact_of(guard, nk) if doubt_of(guard, nk, nc) < 0 else -1
+    return nk + contact_of(guard, nk) if requirement_of(guard, nk, nc) < 0 else -1
 
 
 @compiled()
@@ -284,14 +284,14 @@ def may_collide(rows: Rows, cause: int) -> bool:
 
 
 @compiled()
-def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
+def is_active(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
     if g < nk:
         return True
-    d = doubt_of(g, nk, len(mode))
+    d = requirement_of(g, nk, len(mode))
     if d >= 0:
-        c = rows.doubtful[d, SLIPPING]
-        return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
+        c = rows.required[d, SLIPPING]
+        return c < 0 or mode[c] * rows.required[d, TOWARDS] > 0
     c = contact_of(g, nk)
     if is_second(g, nk):
         return bool(rows.states[c] == 3 and mode[c] == 0)
@@ -373,9 +373,9 @@ def guard_of(
             around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the clock
         if rows.vanishing[g] >= 0 and powers[1] > 0.0:
             rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
-    elif doubt_of(g, nk, nc) >= 0:
-        d = doubt_of(g, nk, nc)
-        row, i = rows.doubtful[d, DOUBTED], rows.doubtful[d, SLIPPING]
+    elif requirement_of(g, nk, nc) >= 0:
+        d = requirement_of(g, nk, nc)
+        row, i = rows.required[d, REQUIRED], rows.required[d, SLIPPING]
         around = 0.0
         exact = _DOUBTFUL
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
@@ -493,8 +493,8 @@ def scan(
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W)
-    for g in range(nk + 2 * nc + len(rows.doubtful)):
-        if not is_asked(rows, mode, nk, g):
+    for g in range(nk + 2 * nc + len(rows.required)):
+        if not is_active(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
         if sharing and is_held_with_others(space, nk, nc, g):
@@ -533,13 +533,13 @@ def scan(
         ):
             continue
         c = space.pending[count]
-        s, order = germ(W, guard, N, powers, slack, c)
-        doubt = doubt_of(g, nk, nc) >= 0
+        s, order = leading_term(W, guard, N, powers, slack, c)
+        requirement = requirement_of(g, nk, nc) >= 0
         if s == 0:
-            if doubt or g < nk or not lingers_in_slip(rows, mode, contact_of(g, nk)):
+            if requirement or g < nk or not counts_as_stick(rows, mode, contact_of(g, nk)):
                 continue
             s = -1
-        if s < 0 and not doubt:
+        if s < 0 and not requirement:
             if violated < 0:
                 violated = g
                 count = 0
@@ -559,7 +559,7 @@ def scan(
 
 
 @compiled()
-def lingers_in_slip(rows: Rows, mode: Array, c: int) -> bool:
+def counts_as_stick(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact slips that nothing but its velocity, which vanishes, could hold or let go:
     it sticks."""
     return is_prescribed(rows, c) and mode[c] != 0
@@ -576,7 +576,7 @@ def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
     nk, nc, g : int
         Number of kinks, of contacts, and of the guard.
     """
-    if g < nk or doubt_of(g, nk, nc) >= 0:
+    if g < nk or requirement_of(g, nk, nc) >= 0:
         return False
     return bool(space.leaving[contact_of(g, nk)] != ON_ITS_OWN)
 
@@ -612,7 +612,7 @@ def guard_together(
         return True, 1, 0
     rate = abs(space.aside[LEAVES, 1])
     guard = GuardRow(LEAVES, NOWHERE, 1.0, size, rate, near, lack, False, late, 0.0)
-    s, order = germ(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
+    s, order = leading_term(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
     return s == 0, s, order
 
 

@@ -38,7 +38,6 @@ from stickslip.motion.modes.guards import (
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.modes.surfaces import is_apart
 from stickslip.motion.steps.arrays import (
-    ASTRAY,
     CAUSE,
     COORDINATES,
     DIMENSION,
@@ -50,6 +49,7 @@ from stickslip.motion.steps.arrays import (
     PART,
     PRESSING,
     RECENT,
+    REJECTED,
     RUBBING,
     SPAN,
     Flow,
@@ -85,14 +85,14 @@ _AHEAD = 1e-3  # of recent steps: how far ahead forces are asked for, which have
 
 @compiled()
 def settle(
-    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, unchecked: float
 ) -> tuple[int, float, float, int]:
     """Find the mode that the motion takes now, as :func:`.settle_mode` does; rest, where pivoting
     would let something slip that some admissible forces hold.
 
     Parameters
     ----------
-    machine, flow, lane, room, hold, promised
+    machine, flow, lane, room, hold, unchecked
         As in :func:`.settle_mode`.
 
     Returns
@@ -101,8 +101,8 @@ def settle(
         Likewise.
     """
     rows, space = flow.rows, flow.space
-    status, h, series, count = settle_mode(machine, flow, lane, room, hold, promised)
-    if not hold or len(rows.links) < 2 or status == ASTRAY:
+    status, h, series, count = settle_mode(machine, flow, lane, room, hold, unchecked)
+    if not hold or len(rows.links) < 2 or status == REJECTED:
         return status, h, series, count
     part = part_that_begins(flow, lane, status)
     if part < 0:

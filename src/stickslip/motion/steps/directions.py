@@ -142,7 +142,7 @@ def follow_directions(
 
 
 @compiled()
-def forget_directions(rows: Rows, discs: Array) -> None:
+def discard_directions(rows: Rows, discs: Array) -> None:
     """Take back what :func:`follow_directions` has noted."""
     for p in range(len(rows.planes)):
         discs[rows.planes[p, AIM], SLOPE] = 0.0
@@ -151,7 +151,7 @@ def forget_directions(rows: Rows, discs: Array) -> None:
 @compiled()
 def spread_given(flow: Flow, mode: Array, N: int) -> None:
     """Discs of the directions of slips that are polynomials, as :func:`spread_state` makes them;
-    and, where Au is a polynomial, how far it strays along its direction, and across.
+    and, if Au is a polynomial, bounds of its deviation along and across its direction.
 
     Parameters
     ----------

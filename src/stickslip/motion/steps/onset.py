@@ -548,7 +548,7 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
 
 
 @compiled(brief=True)
-def forget_orders(flow: Flow) -> None:
+def discard_orders(flow: Flow) -> None:
     """Discard all but the first order of V, β and all directions, once the leading order of Au is
     known."""
     aims, onset = flow.space.aims, flow.space.onset

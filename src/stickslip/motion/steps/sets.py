@@ -206,7 +206,7 @@ def gap_size(rows: Rows, space: Space, c: int) -> float:
 
 
 @compiled(brief=True)
-def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
+def store_gap_sizes(rows: Rows, space: Space, seen: Array) -> None:
     """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
     steps."""
     for c in rows.openings:

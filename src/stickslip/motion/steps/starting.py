@@ -48,7 +48,7 @@ from stickslip.motion.steps.onset import (
     aim_order_together,
     aim_together,
     begin_together,
-    forget_orders,
+    discard_orders,
 )
 from stickslip.motion.steps.response import (
     AXES,
@@ -296,7 +296,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             # How a moving body turns slips that begin on it follows from orders of Au behind the
             # leading one.
             if before == 1 and leading_order(flow) > 1:
-                forget_orders(flow)
+                discard_orders(flow)
                 m = 0
             elif before > 1:
                 place_aims(flow, work, deeper)

@@ -39,8 +39,8 @@ from stickslip.motion.steps.arrays import (
     tape_of,
 )
 from stickslip.motion.steps.directions import (
+    discard_directions,
     follow_directions,
-    forget_directions,
     spread_given,
 )
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane, slip_speed, whole_speed
@@ -418,7 +418,7 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
             x = h / space.W[rows.sizes[DIMENSION], 1]
             if follow_directions(rows, mode, space.W, flow.order, x, flow.tol, space.discs):
                 excess = unseen(flow, mode, reg, h, seen, narrow)
-                forget_directions(rows, space.discs)
+                discard_directions(rows, space.discs)
         if excess <= 1.0:
             break
         h *= 0.7 if excess < 10.0 else 0.5
