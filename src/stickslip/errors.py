@@ -108,8 +108,8 @@ _trying: ContextVar[bool] = ContextVar("trying", default=False)
 
 @contextmanager
 def listing(accepts: Check) -> Generator[None]:
-    """Let messages list only names that an argument accepts, whatever is known of them deeper
-    down; the outermost argument counts.
+    """Restrict the names listed in messages to those that an argument accepts; the outermost
+    argument counts.
 
     Parameters
     ----------

@@ -188,7 +188,7 @@ def _in_cell(what: str) -> Iterator[Show]:
 
 
 def _bar(what: str, fraction: float | None, text: str, began: float, now: float) -> tuple[str, str]:
-    """One bar, as HTML and as text."""
+    """A progress bar, as HTML and as text."""
     seconds = f"{now - began:.0f} s"
     share = "" if fraction is None else f"{100.0 * fraction:.0f} %"
     said = ", ".join(part for part in (share, text, seconds) if part)

@@ -190,7 +190,7 @@ class Part:
         return Part(lambda own: self.write(own[0]), lambda *text: [self.read(*text)], (field,))
 
     def written(self, name: str, result: Result) -> Any:
-        """What is written of a result under the name of the part."""
+        """Content of the part of a result with this name, as written to a file."""
         values = [getattr(result, field) for field in self.fields]
         return self.write(values if self.fields else getattr(result, name))
 

@@ -80,7 +80,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def _reason(path: Path, error: Exception) -> str:
-    """Why a file cannot be written; of a full disk HDF5 says *permission denied*."""
+    """Reason why a file cannot be written; for a full disk HDF5 reports *permission denied*."""
     with suppress(OSError):
         if disk_usage(path.parent).free < 2**16:
             return os.strerror(errno.ENOSPC)

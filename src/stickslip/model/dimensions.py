@@ -36,7 +36,7 @@ def disagreements(system: System) -> list[str]:
 
 
 class _Check:
-    """One look at a declaration."""
+    """Check the units of a declaration."""
 
     def __init__(self, system: System) -> None:
         self.system = system

@@ -273,7 +273,7 @@ class Expansion:
         section[name] = part
 
     def push(self, x: str, slope: str, force: str) -> None:
-        """Let a force act against the velocity, on one coordinate or unknown of a structure."""
+        """Add a force against the velocity to one coordinate or unknown of a structure."""
         term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
         before = self.forces.get(x, 0.0) if is_entry(x) else self.coordinates[x].force
         total = term if before == 0.0 else f"({before}) {term if term[0] == '-' else '+ ' + term}"
@@ -283,7 +283,7 @@ class Expansion:
             self.coordinates[x] = replace(self.coordinates[x], force=total)
 
     def resist(self, x: str, slope: str, force: str, where: str) -> None:
-        """Let a force that increases with the velocity resist a coordinate without mass."""
+        """Add a resistance that increases with the velocity to a coordinate without mass."""
         coordinate = self.coordinates[x]
         assert isinstance(coordinate, Viscous)
         term = force if slope == "1" else f"({slope})*{force}"

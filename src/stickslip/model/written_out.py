@@ -279,7 +279,7 @@ class _WrittenOut(Expansion):
         return force
 
     def act(self, force: str, law: FrictionLaw, slopes: Mapping[str, str], where: str) -> None:
-        """Let a force act along a direction; on a coordinate without mass it is a drag."""
+        """Add a force along a direction; on a coordinate without mass it is a drag."""
         massless = [
             x for x in slopes if not is_entry(x) and self.coordinates[x].kind == Kind.VISCOUS
         ]
@@ -550,7 +550,7 @@ class _WrittenOut(Expansion):
         return int(count)
 
     def start(self, slider: str, slopes: Mapping[str, str]) -> None:
-        """Let the spring of a slider be relaxed at the start, and be shifted with the system."""
+        """Set the spring of a slider to be relaxed at the start, and shifted with the system."""
         try:
             weights = {x: float(slope) for x, slope in slopes.items()}
         except ValueError:

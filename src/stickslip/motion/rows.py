@@ -168,8 +168,8 @@ def _sets(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
 def _beside_planes(
     equations: MotionEquations, layout: Layout, watched: list[int]
 ) -> tuple[Array, Array]:
-    """Which directions one linear problem couples to friction in a plane; and of the coordinates
-    and gaps among the rows that bound steps, where the sizes of their second derivatives are."""
+    """Directions that a linear problem couples to friction in a plane; and the positions of the
+    sizes of second derivatives of the coordinates and gaps among the rows that bound steps."""
     turning = {i for plane in equations.planes for i in plane.parts}
     parts = [
         part
@@ -244,8 +244,8 @@ def _openings(layout: Layout) -> tuple[Array, Array]:
 
 
 def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
-    """What rubs under which normal force, where the links of each contact begin, the rows of the
-    coefficients, and which contacts have other forces, too."""
+    """Pairs of a friction contact and the normal force that it depends on, the first pair of each
+    contact, the rows of the coefficients, and the contacts that have other forces, too."""
     table = np.array([link[:2] for link in layout.links], dtype=np.int64).reshape(-1, 2)
     friction = np.array([link[2] for link in layout.links], dtype=np.int64).reshape(-1, 4)
     first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))

@@ -397,7 +397,8 @@ class Trajectory(Result):
         return values
 
     def _without_contact(self, values: dict[str, Array], index: Array) -> None:
-        """Let the forces of what is open be exactly zero: solving leaves rounding errors."""
+        """Set the forces of open contacts to exactly zero, which solving leaves at rounding
+        errors."""
         for key in self._switches.openings:
             is_open = self.modes[key][index] == IS_OPEN
             for kind in ("normal", *FORCES):

@@ -48,7 +48,7 @@ class TimeUp(BaseException):
 
 
 class Watch:
-    """What a computation listens to.
+    """Flags and limits that a computation checks.
 
     Attributes
     ----------
@@ -225,7 +225,7 @@ def check_stop() -> bool:
 
 
 def unbroken(call: Callable[[], _T]) -> _T:
-    """What a compiled call computes that is not cut short.
+    """Evaluate a compiled call, repeating it if it was interrupted.
 
     Parameters
     ----------

@@ -55,7 +55,8 @@ def thread_clock() -> int:
 
 
 class _Watchman:
-    """Sleeps until a signal has come or a time is up, and raises the flag that stands for it."""
+    """A thread that sleeps until a signal arrives or a time is up, and raises the corresponding
+    flag."""
 
     def __init__(self) -> None:
         import socket
@@ -70,7 +71,7 @@ class _Watchman:
         threading.Thread(target=self._watch, name="stickslip watchman", daemon=True).start()
 
     def wake(self) -> None:
-        """Let it look at what is due."""
+        """Wake the thread so that it checks which flags are due."""
         with contextlib.suppress(BlockingIOError):  # it is being woken already
             self._rope.send(b"\0")
 
@@ -116,7 +117,7 @@ def _instance() -> _Watchman:
 
 
 def _dismiss() -> None:
-    """A process that was forked has no such thread."""
+    """Discard the thread in a forked process, which does not inherit it."""
     global _watchman, _creating
     _watchman, _creating = None, threading.Lock()
 
@@ -126,28 +127,28 @@ if hasattr(os, "register_at_fork"):
 
 
 def expect(due: Due) -> None:
-    """Raise a flag at its time."""
+    """Register a flag that is to be raised at its time."""
     watchman = _instance()
     watchman.due[id(due.late)] = due
     watchman.wake()
 
 
 def expect_no_more(late: Array) -> None:
-    """Leave a flag as it is."""
+    """Cancel a registered flag."""
     if _watchman is not None:
         _watchman.due.pop(id(late), None)
 
 
 class PreviousHandler(NamedTuple):
-    """Who listened to signals before."""
+    """The previous receiver of signals."""
 
     watchman: _Watchman
     before: int
 
 
 def listen(interrupt: Array) -> PreviousHandler | None:
-    """Raise a flag at Ctrl-C from now on; None where nobody is told of signals: in any thread but
-    the main one."""
+    """Raise a flag at Ctrl-C from now on. Returns None in threads other than the main one, which
+    get no signals."""
     if threading.current_thread() is not threading.main_thread():
         return None
     watchman = _instance()
@@ -162,6 +163,6 @@ def listen(interrupt: Array) -> PreviousHandler | None:
 
 
 def stop_listening(previous: PreviousHandler) -> None:
-    """Give signals back to who listened to them before."""
+    """Return signals to their previous receiver."""
     previous.watchman.keyboard = None
     signal.set_wakeup_fd(previous.before)

@@ -111,7 +111,7 @@ class InModes:
         return {self.name: InForms(self), f"d_{self.name}": InForms(self, "d_")}
 
     def weights(self, index: int) -> dict[int, float]:
-        """Of the modes that move an unknown, by number, how much."""
+        """Coefficients of an unknown in the modes that move it, by number of the mode."""
         row = self.structure.shape_at(index)
         large = np.abs(row) > LAST_DIGITS * np.max(np.abs(row), initial=0.0)
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
@@ -252,7 +252,7 @@ def _sum(terms: Iterable[str]) -> str:
 
 
 def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
-    """What an unknown, or its rate, is of modes, or their rates.
+    """Coefficients of an unknown, or of its rate, in the modes, or in their rates.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Front:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """What elimination has found.
+    """Result of an elimination.
 
     Attributes
     ----------

@@ -107,8 +107,8 @@ def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
 
 
 def _static_error(structure: Structure, keep: list[int], squares: Array, shapes: Array) -> float:
-    """By how much displacements of kept unknowns under forces on these are too small, without the
-    rigid modes."""
+    """Largest relative error of static displacements of kept unknowns under forces on these,
+    without rigid modes."""
     n = structure.coordinates
     forces = np.zeros((n, len(keep)))
     for j, i in enumerate(keep):

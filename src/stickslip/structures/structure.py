@@ -474,7 +474,7 @@ class Structure:
 
 
 def attach_modes(structure: Structure, squares: Array, modes: Array) -> None:
-    """Let a structure that has just been made have modes that are known.
+    """Attach known modes to a new structure.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def _box(interval: Any, ranges: Mapping[str, Any]) -> Box:
 
 
 def between(start: Box, end: Box, slope: Box, width: Array) -> Box:
-    """What a function lies in on boxes, from its values at both ends and its slopes.
+    """Enclosure of a function on boxes, from its values at both ends and its slopes.
 
     Below it are two lines, one from each end. Any place divides a box: before it, the function is
     at least what the line from the start has there, after it what the line to the end has. At the
@@ -147,8 +147,8 @@ def value_rows(expressions: list[Expr], u: Array) -> Array:
 def deviations(
     expressions: list[Expr], name: str, low: Array, high: Array, start: Array, end: Array
 ) -> Array:
-    """How far expressions can be from the straight lines between their values at both ends of
-    stretches.
+    """Bounds of the deviations of expressions from linear interpolation between their values at
+    both ends of intervals.
 
     Parameters
     ----------

@@ -265,8 +265,8 @@ def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
 
 
 def slope_of_function(row: Function, a: Interval, of: Intervals) -> Interval:
-    """What the derivative of a function of the table lies in, and all quotients of differences: so
-    it is unbounded across a pole."""
+    """Enclosure of the derivative of a function of the table and of all its difference quotients,
+    which are unbounded across a pole."""
     body = row.shown_slope
     slope = Enclosure([body], {ARGUMENT: of.inside(row, a)}, of).values[body]
     return slope if row.poles is None else of.unless(of.passes(a, *row.poles), slope)

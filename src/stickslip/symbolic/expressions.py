@@ -34,7 +34,8 @@ _STRICT = 1.0  # value of a select that is `below` where its guard is 0
 
 
 class Expr:
-    """One node of an expression tree; build it with the functions of this module, never directly.
+    """A node of an expression tree. Build expressions with the functions of this module, never
+    directly.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class Expr:
 
     @property
     def strict(self) -> bool:
-        """Of a select, whether it is `below`, not `above`, where its guard is 0."""
+        """Whether a select is `below`, not `above`, if its guard is 0."""
         return self.value == _STRICT
 
     def terms_with(self, name: str) -> list[tuple[Expr, float]]:
@@ -295,7 +296,7 @@ def multiply(*factors: Expr) -> Expr:
 
 
 def _root(e: Expr) -> tuple[Expr, float] | None:
-    """What a root, or another power that is not whole, is taken of, and its exponent."""
+    """Base and exponent of a root, or of another power with a fractional exponent."""
     is_root = e.op == "prod" and len(e.terms) == 1 and not e.terms[0][1].is_integer()
     return e.terms[0] if is_root else None
 
@@ -386,7 +387,7 @@ def _joins(guard: Expr, above: Expr, below: Expr) -> bool:
 
 
 def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
-    """What the known region of its guard makes of a select.
+    """Simplify a select by the known region of its guard.
 
     Parameters
     ----------
@@ -762,7 +763,7 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
 
 
 def _called(e: Expr) -> str | None:
-    """How formulas call a select between the pieces of a table."""
+    """Name and arguments of a select between the pieces of a table, as in formulas."""
     guard, above, below = e.args
     gate, one, other = (FUNCTIONS.get(x.op) for x in (guard, above, below))
     if gate is None or one is None or other is None or not gate.sampled:

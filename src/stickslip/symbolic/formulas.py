@@ -138,7 +138,7 @@ class Indexed(ABC):
 
     @abstractmethod
     def entry(self, key: int | str) -> Expr:
-        """The entry with a number, from 0 on, or with a name.
+        """The entry with a number, counted from 0, or with a name.
 
         Raises
         ------
@@ -563,7 +563,7 @@ class _Reader:
         raise self.fail(f"unknown name '{short(name)}'", remedy)
 
     def entry(self, name: str, index: ast.expr) -> Expr:
-        """One of the numbers of a vector."""
+        """One component of a vector."""
         if name not in self.scope.vectors:
             if name in self.scope.forbidden:
                 raise self.fail(f"'{name}' is not allowed here", self.scope.forbidden[name])

@@ -39,7 +39,8 @@ _WITHOUT_TURNS = "2*atan(tan(x/2))"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Function:
-    """One row: a function of one real argument, analytic where it is defined (kinks are structure).
+    """A row of the table: a function of one real argument, analytic where it is defined (kinks are
+    expressed by selects).
 
     Attributes
     ----------
@@ -150,8 +151,8 @@ class Function:
         return False
 
     def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
-        """What a select of which it is the guard lies in, where that is known better than from its
-        branches; `values` are the intervals of all that is in it."""
+        """Enclosure of a select with this function as its guard, if it is tighter than that of its
+        branches; `values` are the intervals of all names in it."""
         return None
 
     @property
@@ -197,8 +198,8 @@ class Function:
         return self.latex or rf"\operatorname{{{self.name}}}"
 
     def enclosed(self, a: Interval) -> Interval | None:
-        """What its values on an interval lie in, where the row knows better than what follows from
-        `limits`; on intervals of arrays, too."""
+        """Enclosure of the values on an interval, if it is tighter than the one derived from
+        `limits`; also for intervals of arrays."""
         return None
 
     @cached_property

@@ -32,7 +32,7 @@ _SPEED = re.compile(r"speed:\d+")  # of a contact, by its number
 
 @dataclass(frozen=True, kw_only=True)
 class Pieced:
-    """One function.
+    """A function with pieces.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def _most(first: Expr, *others: Expr) -> Expr:
 
 
 def _two(x: Expr, above: float, below: float) -> Expr:
-    """One number where x ≥ 0, another below."""
+    """One number for x ≥ 0, another for x < 0."""
     return ex.select(x, ex.num(above), ex.num(below))
 
 
@@ -92,7 +92,7 @@ def _sign(x: Expr) -> Expr:
 
 
 def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
-    """One thing where the whole part of u is even, another where it is odd.
+    """One expression for an even integer part of u, another for an odd one.
 
     Without the wrap, sin πu would be the same function, but not exactly 0 at whole numbers.
     """

@@ -214,7 +214,8 @@ class _Lowering:
         return self.constants.scalar(e)
 
     def _plain(self, e: Expr) -> Scalar | None:
-        """What needs no variable of its own."""
+        """The scalar of an expression that needs no variable: a number, a constant, a linear
+        function of time, or a name; else None."""
         if self.constants is not None and self.constants.is_constant(e):
             return self.constant(e)
         if e.op == "num":

@@ -72,7 +72,7 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Instruction:
-    """One step of the tape.
+    """One instruction of the tape.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Tape:
         return self.rows - 1
 
     def name(self, symbol: str, row: int, stage: int) -> None:
-        """Let a symbol stand for a row."""
+        """Assign a symbol to a row."""
         self.names[symbol] = row
         self.stage[row] = stage
 
@@ -322,7 +322,7 @@ class Tape:
         return made
 
     def _terms(self, row: int) -> list[Scaled]:
-        """What a row is the sum of, whatever the region."""
+        """Terms whose sum is a row, in every region."""
         made = self._made.get(row)
         if made is not None and made.op is Op.SELECT:
             return [

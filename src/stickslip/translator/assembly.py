@@ -116,7 +116,8 @@ class Assembly:
     # -- numbers -----------------------------------------------------------------------------------
 
     def op(self, instruction: str, a: Register | float, b: Register | float) -> Register:
-        """What an instruction makes of two operands of one type; a truth value if it compares."""
+        """Result of an instruction for two operands of the same type; a truth value for
+        comparisons."""
         a = operand(a)
         type_ = BIT if instruction[1:4] == "cmp" else a.type
         return self.new(type_, f"{instruction} {a.typed}, {of_type(a.type, b)}")
@@ -124,7 +125,7 @@ class Assembly:
     def pick(
         self, test: Register, a: Register | float, b: Register | float, flags: str = ""
     ) -> Register:
-        """One of two operands of one type, without a branch."""
+        """Select one of two operands of the same type, without a branch."""
         a = operand(a)
         operands = f"{of_type(BIT, test).typed}, {a.typed}, {of_type(a.type, b).typed}"
         return self.new(a.type, f"select{flags} {operands}")
@@ -161,7 +162,7 @@ class Assembly:
         self.lines.append(f"store {value.typed}, {place}{note}")
 
     def extract(self, value: Register, k: int, type_: str) -> Register:
-        """One part of a structure."""
+        """One element of a structure."""
         if not value.type.startswith("{"):
             raise WrongType(f"{value.typed} has no parts")
         return self.new(type_, f"extractvalue {value.typed}, {k}")
@@ -238,7 +239,7 @@ class Assembly:
         self.ended = True
 
     def leads(self, label: str) -> None:
-        """This place leads to a block: for those who want to know."""
+        """Note that this place leads to a block; a hook for subclasses."""
 
     def go(self, label: str) -> None:
         """End a block with a jump."""

@@ -83,11 +83,12 @@ class Function(Values, ast.NodeVisitor):
         self.here: ast.AST = node
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
-        """Refuse, and say where."""
+        """Raise an error with the position in the source."""
         raise self._refusal(what, remedy)
 
     def refuse_later(self, what: str, remedy: str) -> None:
-        """Reject in the end, unless another round finds other types."""
+        """Record an error that is raised at the end, unless a later iteration infers other
+        types."""
         self.refusals.append(self._refusal(what, remedy))
 
     def _refusal(self, what: str, remedy: str) -> Refusal:
@@ -96,7 +97,7 @@ class Function(Values, ast.NodeVisitor):
         return Refusal(f"{file}:{line}: {self.node.name}: {what}. {remedy}")
 
     def translated(self) -> Definition:
-        """What becomes of it, once the types of variables have settled."""
+        """Translate the function, iterating until the types of its variables are fixed."""
         for _ in range(_MOST_ROUNDS):
             self.changed = False
             self.write()
@@ -119,7 +120,7 @@ class Function(Values, ast.NodeVisitor):
         return Definition(*found, self.arguments, result)
 
     def write(self) -> None:
-        """One round, with the types that are known."""
+        """Translate once, with the types that are known."""
         super().__init__()
         self.refusals: list[Refusal] = []
         self.called: set[str] = set()
@@ -268,7 +269,7 @@ class Function(Values, ast.NodeVisitor):
         return tuple(map(self.label, hints))
 
     def leads(self, label: str) -> None:
-        """This place leads to a block."""
+        """Note that this place leads to a block."""
         self.ways.setdefault(label, []).append(self.assigned)
 
     def begin(self, label: str) -> None:
@@ -637,5 +638,5 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
 
 
 def _argument(parameter: ast.arg) -> str:
-    """What a parameter is called in the assembly: like nothing else there."""
+    """Name of a parameter in the assembly, distinct from all other names there."""
     return f'%"{parameter.arg}."'

@@ -94,12 +94,12 @@ class TupleType(NamedTuple):
 
     @property
     def words(self) -> int:
-        """Those of its parts."""
+        """Number of machine words of all elements."""
         return sum(part.words for part in self.parts)
 
     @property
     def names(self) -> Sequence[Any]:
-        """What its parts are called."""
+        """Names of the elements."""
         return getattr(self.kind, "_fields", range(len(self.parts)))
 
     def __str__(self) -> str:
@@ -194,7 +194,7 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
 
 
 def _not_from_python(type_: Type) -> Type | None:
-    """What of a type no argument of an entry can be."""
+    """Element of a type that cannot be passed from Python, or None."""
     if isinstance(type_, TupleType):
         return next(filter(None, map(_not_from_python, type_.parts)), None)
     return type_ if type_ in (COMPLEX, NONE) else None
@@ -390,7 +390,7 @@ class Values(Assembly):
         return self.at(value.register, value.offset + k, WHOLE)
 
     def part(self, value: Value, k: int) -> Value:
-        """One part of a tuple."""
+        """One element of a tuple."""
         if value.parts is not None:
             return value.parts[k]
         type_: TupleType = value.type
@@ -413,13 +413,13 @@ class Values(Assembly):
         return Value(value.type, self.load(value.type.llvm, self.place(value), NOTES["word"]))
 
     def operand(self, value: Value) -> Register:
-        """What functions take: a register, of a tuple its address."""
+        """Argument as functions take it: a register, and the address of a tuple."""
         if not isinstance(value.type, TupleType):
             return self.in_register(value).register
         return self.place(value if value.offset is not None else self.stored(value))
 
     def outward(self, value: Value) -> Register:
-        """What functions of C take: a truth value is a byte."""
+        """Argument as C functions take it: a truth value is a byte."""
         x = self.operand(value)
         return self.converted(x, "i8") if value.type == BOOL else x
 
@@ -678,6 +678,6 @@ class Values(Assembly):
         return self.compare("NotEq", value, self.constant(0))
 
     def either(self, test: Value, a: Value, b: Value) -> Value:
-        """One of two numbers of one type, without a branch."""
+        """Select one of two numbers of the same type, without a branch."""
         flags = self.flags if a.type == FLOAT else ""
         return Value(a.type, self.pick(test.register, a.register, b.register, flags))

@@ -1,5 +1,5 @@
-"""What the functions of a system compute, as data: the positions of all quantities in the arrays of
-the engine (:class:`Layout`), and the statements (:class:`Generated`)."""
+"""Data of the functions of a system: the positions of all quantities in the arrays of the engine
+(:class:`Layout`), and the statements (:class:`Generated`)."""
 
 from __future__ import annotations
 

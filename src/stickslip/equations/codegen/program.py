@@ -106,7 +106,7 @@ def _hiding(layout: Layout) -> set[Instruction]:
 
 
 def _needed(instructions: list[Instruction], hiding: set[Instruction]) -> set[Instruction]:
-    """Those instructions, and all that they depend on."""
+    """The given instructions and all instructions that they depend on."""
     needed, wanted = set(), set()
     for i in reversed(instructions):
         if i in hiding or any(row in wanted for row in rows_made(i)):

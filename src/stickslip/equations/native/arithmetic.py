@@ -86,7 +86,8 @@ class Arithmetic(Assembly):
         return self._once[key]
 
     def age(self, x: Operand) -> int:
-        """When a value is known: −1 from the start, then by coefficients."""
+        """Stage at which a value is known: −1 from the start, then the order of the
+        coefficients."""
         return self._age.get(x, -1)
 
     def known_now(self, x: Register) -> None:
@@ -216,7 +217,7 @@ class Arithmetic(Assembly):
         return self.new(BIT, f"{operation} i1 {operands}")
 
     def select(self, test: Register, a: Operand, b: Operand) -> Operand:
-        """One of two reals."""
+        """The first of two reals if a condition holds, else the second."""
         if a == b:
             return a
         operands = f"{of_type(BIT, test).typed}, double {_real(a)}, double {_real(b)}"

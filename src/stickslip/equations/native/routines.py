@@ -43,7 +43,7 @@ def _arguments(name: str) -> tuple[list[Register], str]:
 
 
 class Routine(Arithmetic):
-    """One of the functions of a system."""
+    """A function of a system."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name, *_arguments(name))

@@ -33,7 +33,7 @@ class Whole(Register):
 
     @classmethod
     def loaded(cls, f: Arithmetic, register: Register) -> Whole:
-        """That of a register of a function."""
+        """Load the value of a register of a function."""
         made = cls(*of_type(WHOLE, register))
         made.inside = f
         return made
@@ -277,7 +277,8 @@ def _known(x: Operand) -> Scalar:
 
 
 def _levels(stores: list[Store]) -> list[int]:
-    """When each statement may be executed: after those that store what it reads or changes."""
+    """Level of execution of each statement: after all statements that store what it reads or
+    changes."""
     written: dict[tuple[str, tuple[int, ...]], int] = {}
     names = {store.name for store in stores}
     levels = list[int]()

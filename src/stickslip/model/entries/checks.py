@@ -146,8 +146,7 @@ def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1
 def jumps_through(
     formula: Expr, guard: Expr, name: str, start: Mapping[str, float], held: Collection[str]
 ) -> list[float]:
-    """By how much a formula jumps where a name rises through a guard, at some places; 0 where it is
-    not seen to.
+    """Jump of a formula at given points as a name increases through a guard; 0 if none is detected.
 
     Parameters
     ----------

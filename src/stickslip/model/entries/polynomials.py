@@ -356,9 +356,8 @@ def is_bounded(guard: Expr) -> bool:
 
 
 def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
-    """What is said where the argument of the gate of a table is at an end, or beyond it; nothing
-    elsewhere, or where it depends on names without a value.
-    """
+    """Message for an argument of the gate of a table that is at or beyond an end; empty otherwise,
+    or if the argument depends on names without a value."""
     row = FUNCTIONS.get(guard.op)
     ends = row.pieces.bounded if isinstance(row, TableRow) and row.sampled else None
     if ends is None or not guard.symbols <= values.keys():

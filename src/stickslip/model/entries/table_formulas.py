@@ -49,7 +49,7 @@ class CurveFunction(TableFunction):
         return ex.add(*((part * value, 1.0) for part, value in parts))
 
     def part(self, x: Expr, knots: PiecewisePolynomial, pieces: PiecewisePolynomial) -> Expr:
-        """One of the curves that it is the sum of."""
+        """One of the curves whose sum is the table."""
         order = 1 if self.slope else 0
         if order >= pieces.coefficients.shape[1]:
             return ex.ZERO

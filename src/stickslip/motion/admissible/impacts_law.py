@@ -247,7 +247,8 @@ def axes_in(rows: Rows, work: Array, row: int, c: int) -> tuple[float, float]:
 
 @compiled()
 def point_along(rows: Rows, work: Array, c: int, x: float, y: float) -> None:
-    """Let a contact in a plane slip along a vector, or along its first direction if that vanishes.
+    """Set the slip direction of a contact in a plane to that of a vector, or to its first direction
+    if the vector vanishes.
 
     Parameters
     ----------

@@ -183,8 +183,8 @@ def push(rows: Rows, space: Space, c: int, impulse: float) -> None:
 
 @compiled()
 def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
-    """Let each contact obey its law beside the others as they are, one after the other; and note
-    its mode."""
+    """Solve the impact law of each contact for given impulses of the others, one contact after the
+    other (projected Gauss–Seidel), and store its mode."""
     work = space.impact
     for c in inertial_contacts(rows):
         own = space.delassus[c, c]
@@ -266,7 +266,7 @@ def pressed_by(rows: Rows, space: Space, c: int) -> float:
 
 @compiled()
 def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
-    """Let a contact in a plane slip along a velocity.
+    """Set the slip direction of a contact in a plane to that of a velocity.
 
     Parameters
     ----------

@@ -106,8 +106,8 @@ def make_form(
 
 @compiled(brief=True)
 def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
-    """Let the relative velocities of sticking contacts with mass decay; returns whether there are
-    any.
+    """Add a decay of the relative velocities of sticking contacts with mass; returns whether there
+    are any.
 
     They are zero, so that this changes no motion. But where a direction of several coordinates is
     held, its place and its velocity have no two eigenvectors: one is the derivative of the other,

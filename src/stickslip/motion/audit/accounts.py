@@ -102,7 +102,7 @@ class Steps(NamedTuple):
 
 
 def make_steps(count: int, n: int) -> Steps:
-    """Room for some steps."""
+    """Allocate arrays for a number of steps."""
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
@@ -115,7 +115,7 @@ class Accounts(NamedTuple):
 
 
 def make_accounts(count: int, rows: Rows) -> Accounts:
-    """Room for some steps."""
+    """Allocate accounts for a number of steps."""
     n = int(rows.sizes[DIMENSION])
     return Accounts(make_steps(count, n), make_tally(rows), make_sums((), n, len(rows.u)))
 

@@ -126,8 +126,8 @@ def adheres(rows: Rows, c: int) -> bool:
 def hold_beginnings(
     machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int, tally: Tally
 ) -> bool:
-    """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
-    does for which that is a question. Its forces are left in the work space.
+    """Set contacts that begin to slip with a step to stick, or to rest as before; returns whether
+    any of them could have stuck. Their forces are left in the work space.
 
     Parameters
     ----------
@@ -186,8 +186,8 @@ def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
 def release_what_stays(
     machine: Machine, flow: Flow, at: Instant, ends: Record, slips: Array, i: int
 ) -> bool:
-    """Let those slip on whose velocity is still nothing but rounding errors at the end of a step:
-    their slip ends, and none begins. Whether one is left that begins.
+    """Exempt contacts whose velocity is still within rounding errors at the end of a step: their
+    slip ends, and none begins. Returns whether any beginning slip is left.
 
     Parameters
     ----------
@@ -233,9 +233,9 @@ def is_steady(rows: Rows, space: Space, c: int) -> bool:
 
 @compiled()
 def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
-    """Which of the contacts that are held is nearest to its threshold, and the part of its force by
-    which it is below; −1 and 0 where one has no room; −1 and −1 where something else keeps them
-    from resting: another contact, what may happen beyond a kink, or a gap that may close.
+    """The held contact nearest to its threshold, and its relative margin; −1 and 0 if a contact has
+    no margin; −1 and −1 if something else prevents rest: another contact, an event beyond a kink,
+    or a gap that may close.
 
     Parameters
     ----------

@@ -143,9 +143,9 @@ def product_deviation(W: Array, discs: Array, a: int, b: int, factor: float) -> 
 
 @compiled()
 def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
-    """By how much rounding errors of velocities turn the directions of slips in a piece, and with
-    them the forces that a contact has beside these, in parts of its size: where a slip ends, the
-    last that is left of it is rounding errors.
+    """Uncertainty of the directions of slips in a piece due to rounding errors of velocities, and
+    of the other forces of the contact, relative to its size. Where a slip ends, its velocity falls
+    below the rounding errors.
 
     Parameters
     ----------

@@ -410,8 +410,9 @@ def creates_energy(rows: Rows, space: Space) -> bool:
 
 @compiled(brief=True)
 def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
-    """What can be held at rest is held: if other impulses set fewer contacts in motion whose static
-    friction is the larger one, the difference to the jump that these make is not explained.
+    """Require that contacts which can be held at rest are held: if other impulses set fewer
+    contacts with higher static friction in motion, the difference to the resulting jump is counted
+    as unexplained.
 
     Parameters
     ----------

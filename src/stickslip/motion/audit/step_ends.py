@@ -137,8 +137,8 @@ def close_jump(
     i: int,
     accounts: Accounts,
 ) -> None:
-    """Let the state jump where a step arrives, and count the energy that this takes, or gives; then
-    the step is taken to end there.
+    """Apply the jump of the state at the end of a step, and account for its energy; the step then
+    ends there.
 
     Parameters
     ----------

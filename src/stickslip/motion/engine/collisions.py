@@ -79,7 +79,7 @@ _EQUAL = 1e-9  # part by which energies of approach are equal
 
 @compiled()
 def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
-    """Let velocities jump where a gap is closed and would become negative.
+    """Apply an impact if a gap is closed and would become negative.
 
     Parameters
     ----------

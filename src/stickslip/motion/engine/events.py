@@ -138,8 +138,8 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
 def jump_and_collide(
     machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, entering: bool
 ) -> tuple[int, int, int]:
-    """Let the state jump where a jump is due, then what closes collide: at the start, where a
-    motion goes on that was stopped, and after an event.
+    """Apply a jump of the state that is due, then impacts of closing contacts: at the start, when a
+    stopped motion is resumed, and after an event.
 
     Parameters
     ----------
@@ -175,8 +175,8 @@ def jump_and_collide(
 
 @compiled()
 def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, float]:
-    """Let the state jump: an outcome code if it cannot, else −1; and up to which its guard is
-    zero."""
+    """Apply a jump of the state. Returns an outcome code if it is impossible, else −1; and the size
+    below which its guard counts as zero."""
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     kink = flow.rows.jumps[due, KINK]
     code = NOWHERE
@@ -326,7 +326,7 @@ def collide_if_closing(
     due: int,
     zero: float,
 ) -> tuple[int, int]:
-    """Let what closes collide, at the start and after an event.
+    """Apply impacts of closing contacts, at the start and after an event.
 
     Parameters
     ----------

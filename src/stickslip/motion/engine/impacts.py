@@ -127,7 +127,7 @@ def first_approaching(
 
 @compiled()
 def open_all(rows: Rows, mode: Array) -> None:
-    """Let everything be open that can."""
+    """Open all contacts that can open."""
     for c in rows.openings:
         mode[c] = 1
     loosen_friction(rows, mode)

@@ -187,8 +187,8 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
 
 @compiled(brief=True)
 def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
-    """Let contacts stick that the others of their body do not let move, where their speed cannot be
-    told from nothing; whether there are any.
+    """Set contacts to stick that the others of their body hold, if their speed is within rounding
+    errors of zero; returns whether there are any.
 
     Parameters
     ----------
@@ -248,8 +248,8 @@ def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
 
 @compiled()
 def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
-    """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
-    if there is none.
+    """Time of the next kink whose guard is a polynomial in time of degree one or two; infinite if
+    there is none.
 
     A series that ends, as that of a drive between two samples, would last for ever; beyond the
     kink its terms are so large that what is small before it would count as zero.
@@ -283,8 +283,8 @@ def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
 
 @compiled()
 def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, float]:
-    """Another unit of time for coefficients that overflow in this one, or where it does not suit
-    the step; first, whether there is one.
+    """A unit of time for coefficients that overflow in the current one, or are badly scaled for the
+    step; first, whether it changes.
 
     All others are powers of two times these, so that nothing is rounded.
     """

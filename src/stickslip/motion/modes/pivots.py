@@ -65,7 +65,7 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int
 
 @compiled()
 def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Array) -> int:
-    """Let those contacts slip that leave stick together; returns the switch of the first of them.
+    """Release those contacts that leave stick together; returns the switch of the first of them.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
 
 @compiled()
 def let_slide(mode: Array) -> bool:
-    """Let the contacts that break their thresholds slide; whether there are any."""
+    """Set contacts that exceed their thresholds to slip; returns whether there are any."""
     found = False
     for c in range(len(mode)):
         if abs(mode[c]) == 2:
@@ -177,8 +177,8 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
 
 @compiled()
 def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
-    """Let sticking contacts be carried whose directions depend on those of the others; whether
-    there are any."""
+    """Set sticking contacts whose directions depend on those of the others to be carried; returns
+    whether there are any."""
     rows = flow.rows
     changed = False
     for p in range(len(rows.parts)):
@@ -189,8 +189,8 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
 
 @compiled()
 def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -> bool:
-    """Let sticking contacts of a component whose directions depend on those of the others be
-    carried at their threshold (u stays 0).
+    """Set sticking contacts of a component whose directions depend on those of the others to be
+    carried at their threshold (u remains 0).
 
     With more sticking contacts than directions their forces are not unique. Any admissible choice
     gives the same motion; a contact carried at its threshold is a vertex of that choice, and

@@ -309,8 +309,7 @@ def are_held(rows: Rows, space: Space, scale: float) -> bool:
 
 @compiled(brief=True)
 def choose_normals(flow: Flow, part: int, rank: int, number: int) -> bool:
-    """Let the chosen ones of the normal forces press alone; False if their directions are not
-    independent.
+    """Select the normal forces that press; False if their directions are linearly dependent.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ from stickslip.translator import compiled
 
 @compiled()
 def give_directions(rows: Rows, mode: Array, given: bool) -> None:
-    """Let the directions of slips in a plane be given, or follow from the state again.
+    """Fix the directions of slips in a plane, or let the state determine them again.
 
     So nothing is divided by a speed: an audit has the direction of a step as one more candidate,
     and asks whether it is that of the velocity.

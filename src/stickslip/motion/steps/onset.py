@@ -134,8 +134,8 @@ def respond_along(
     rounded: float,
     slopes: bool,
 ) -> bool:
-    """If the rates of Au are not a linear function of directions, replace them by b₀ + Â n at the
-    directions u/√(|u|² + rounded²); False if there are no rates.
+    """Linearise the rates of Au as b₀ + Â n at the directions u/√(|u|² + rounded²), unless they are
+    linear in the directions; False if there are no rates.
 
     Parameters
     ----------
@@ -634,8 +634,8 @@ def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
 
 @compiled(brief=True)
 def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, least: float) -> int:
-    """What order m says in a face of mechanisms: v₀ and β₀; or an order of β, and the part of one
-    of V in the face.
+    """Solve order m in a face of mechanisms: returns v₀ and β₀; or an order of β, and the component
+    of the order of V in the face.
 
     Parameters
     ----------

@@ -345,8 +345,8 @@ def sampled_row(rates: Array, watched: Array, j: int) -> int:
 def compare(
     flow: Flow, stages: Stages, i: int, c: int, step: float, nudge: float, error: float
 ) -> None:
-    """What a change of a part of the state (or of time, behind them) makes of the rates at node i,
-    and an error of the guards.
+    """Change of the rates at node i due to a change of a component of the state (or of time, after
+    these), and the error of the guards.
 
     Parameters
     ----------

@@ -311,8 +311,8 @@ def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array
 
 @compiled(brief=True)
 def lost_order(flow: Flow, table: Array) -> float:
-    """What rounding errors of forces make of an order of Au, for the contacts that begin to slip: a
-    smaller one is none.
+    """Rounding errors of an order of Au due to those of forces, for contacts that begin to slip:
+    smaller values count as zero.
 
     Parameters
     ----------

@@ -459,8 +459,8 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
 
 @compiled()
 def slip_end(speed: Array, N: int, h: float) -> tuple[float, float]:
-    """When a speed vanishes within a step, as its series says, and how fast it falls there;
-    infinite if it does not.
+    """Time at which a speed vanishes within a step, according to its series, and its rate of
+    decrease there; infinite if it does not vanish.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ class FlightAudit(NamedTuple):
 
 
 def make_flight_audit(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> FlightAudit:
-    """Room for what an audit makes of the closed forms that are there.
+    """Allocate the work space of an audit of the available closed forms.
 
     Parameters
     ----------
