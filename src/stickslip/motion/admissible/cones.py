@@ -13,16 +13,9 @@ from __future__ import annotations
 
 import math
 
-from stickslip.motion.steps.arrays import (
-    ON_INERTIAL,
-    PART,
-    PRESSING,
-    RUBBING,
-    Rows,
-    Space,
-    directions_of,
-)
-from stickslip.motion.steps.vectors import solve_equations
+from stickslip.motion.algebra.vectors import solve_equations
+from stickslip.motion.steps.arrays import ON_INERTIAL, PART, PRESSING, RUBBING, Rows, Space
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 

@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     BACK,
     CONTACTS,
@@ -46,6 +47,8 @@ from stickslip.motion.steps.arrays import (
     SENSE,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     inertial_contacts,
@@ -55,7 +58,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.numerics.levels import EPSILON, IMPACT_ZERO, NO_SPEED
 from stickslip.translator import compiled
 

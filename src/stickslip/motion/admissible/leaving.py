@@ -39,14 +39,9 @@ from stickslip.motion.admissible.sharing import (
     turns,
 )
 from stickslip.motion.admissible.turning import first_failure, load_at, turn_to, turned_until
-from stickslip.motion.steps.arrays import (
-    ON_INERTIAL,
-    Flow,
-    directions_of,
-    inertial_contacts,
-    set_mode,
-)
-from stickslip.motion.steps.roots import first_crossing
+from stickslip.motion.algebra.roots import first_crossing
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts, set_mode
 from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_at
 from stickslip.translator import compiled
 

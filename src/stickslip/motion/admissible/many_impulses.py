@@ -40,6 +40,7 @@ from stickslip.motion.admissible.impacts_law import (
     slides_along,
     takes_part,
 )
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     BACK,
     FORWARD,
@@ -52,6 +53,8 @@ from stickslip.motion.steps.arrays import (
     SENSE,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     own_directions,
@@ -59,7 +62,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # More rows of Space.impact: impulses of relaxation; how hard slips in planes are to turn.

@@ -22,7 +22,9 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.sharing import held_at, speed_of, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.algebra.vectors import is_new
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import (
     MOVED,
     force_outside,
@@ -33,7 +35,6 @@ from stickslip.motion.steps.sets import (
     radius_at,
     support_at,
 )
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import is_new
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
@@ -20,11 +21,9 @@ from stickslip.motion.steps.arrays import (
     RUBBING,
     Flow,
     Rows,
-    direction_entry,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import direction_entry, directions_of
 from stickslip.motion.steps.sets import MOVED, axis_of, formula_of, middle_at
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 

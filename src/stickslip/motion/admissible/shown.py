@@ -18,7 +18,8 @@ from stickslip.motion.admissible.overload import (
     place_held,
 )
 from stickslip.motion.admissible.sharing import is_first, orthonormalise, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of, given_force, part_to_set
 from stickslip.translator import compiled
 

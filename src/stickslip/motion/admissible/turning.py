@@ -35,18 +35,9 @@ from stickslip.motion.admissible.overload import (
     overload,
 )
 from stickslip.motion.admissible.sharing import orthonormalise, sticks_in
-from stickslip.motion.steps.arrays import (
-    COORDINATES,
-    INERTIAL,
-    MEMBERS,
-    ON_INERTIAL,
-    PART,
-    Flow,
-    direction_entry,
-    directions_of,
-    inertial_contacts,
-)
-from stickslip.motion.steps.roots import horner, lowest
+from stickslip.motion.algebra.roots import horner, lowest
+from stickslip.motion.steps.arrays import COORDINATES, INERTIAL, MEMBERS, ON_INERTIAL, PART, Flow
+from stickslip.motion.steps.contacts import direction_entry, directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of
 from stickslip.translator import compiled
 

@@ -16,9 +16,9 @@ from stickslip.arrays import (
     Matrix,
     Vector,
 )
-from stickslip.motion.affine.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
 from stickslip.motion.affine.matrices import Probes, make_probes
+from stickslip.motion.algebra.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
 
@@ -28,6 +28,8 @@ SMOOTH = 2
 SLIDES = 1
 STICKS = 2
 LEADING_ORDERS = 6
+STIFF_RATIO = 40.0
+"""Ratio of rates above which a mode is stiff: then flights are always faster than steps."""
 FEW_COMPONENTS = 4
 """Components of a state of which none is moved at so high an order that it is lost."""
 FACETS = 16

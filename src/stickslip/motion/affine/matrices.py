@@ -37,9 +37,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    directions_of,
-    own_inverse,
 )
+from stickslip.motion.steps.contacts import directions_of, own_inverse
 from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import COMPUTED_ZERO, EPSILON, FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.translator import compiled

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.steps.roots import NONE, divide_out, first_crossing
+from stickslip.motion.algebra.roots import NONE, divide_out, first_crossing
 from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.translator import compiled
 

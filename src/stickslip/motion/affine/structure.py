@@ -49,8 +49,8 @@ from stickslip.motion.steps.arrays import (
     STATIC,
     Flow,
     Rows,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.translator import compiled
 
 # Bits, but for the first.

@@ -13,7 +13,8 @@ import numpy as np
 from stickslip.arrays import Matrix, Vector
 from stickslip.motion.affine.nodes import most
 from stickslip.motion.audit.observers import Sums, make_sums
-from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space, own_inverse
+from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space
+from stickslip.motion.steps.contacts import own_inverse
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, rate_terms
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.translator import compiled

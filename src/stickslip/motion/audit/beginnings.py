@@ -15,6 +15,7 @@ from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
 from stickslip.motion.affine.nodes import most
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
 from stickslip.motion.audit.forces import HOLDS, RUBS, may_have_others, widest_room
 from stickslip.motion.audit.step_ends import jump_after
@@ -34,12 +35,9 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    inertial_friction,
-    is_loose,
-    opens,
     plain_coefficients,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import inertial_friction, is_loose, opens, set_mode
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -49,7 +47,6 @@ from stickslip.motion.steps.sets import (
     rate_terms,
 )
 from stickslip.motion.steps.starting import coefficients, is_prescribed
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 

@@ -42,11 +42,9 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    directions_of,
-    is_loose,
-    own_inverse,
     tape_of,
 )
+from stickslip.motion.steps.contacts import directions_of, is_loose, own_inverse
 from stickslip.motion.steps.directions import spread_given
 from stickslip.motion.steps.sets import force_terms, gap_terms, kink_terms, rate_terms
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse

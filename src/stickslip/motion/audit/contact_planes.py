@@ -45,8 +45,8 @@ from stickslip.motion.steps.arrays import (
     STATIC,
     Rows,
     Space,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.sets import (
     force_terms,
     is_rate_independent,

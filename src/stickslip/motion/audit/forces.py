@@ -50,6 +50,7 @@ from stickslip.motion.affine.nodes import (
     most,
     to_control_points,
 )
+from stickslip.motion.algebra.roots import horner
 from stickslip.motion.audit.accounts import (
     EXCESS,
     LARGEST_FORCE,
@@ -78,11 +79,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    direction_entry,
-    inertial_friction,
-    is_loose,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import direction_entry, inertial_friction, is_loose
 from stickslip.motion.steps.sets import (
     axis_of,
     force_terms,

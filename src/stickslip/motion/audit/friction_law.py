@@ -33,15 +33,8 @@ from stickslip.motion.audit.accounts import (
 from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
 from stickslip.motion.modes.guards import resting
-from stickslip.motion.steps.arrays import (
-    DIMENSION,
-    ON_INERTIAL,
-    WIDEST,
-    Rows,
-    Space,
-    directions_of,
-    is_loose,
-)
+from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, WIDEST, Rows, Space
+from stickslip.motion.steps.contacts import directions_of, is_loose
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,

@@ -59,6 +59,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     inertial_friction,

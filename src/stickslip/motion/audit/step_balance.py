@@ -21,6 +21,8 @@ from stickslip.arrays import Array, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.sharing import any_share, find_shared
 from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
+from stickslip.motion.algebra.roots import horner, slopes_at_nodes
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -86,10 +88,8 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions
-from stickslip.motion.steps.roots import horner, slopes_at_nodes
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import ENERGY_SCALE, EPSILON, INSTANT, ROUNDING, SHORTEST_PIECE
 from stickslip.translator import compiled
 

@@ -6,6 +6,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.affine.nodes import most
+from stickslip.motion.algebra.roots import rate_on
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     CREEP,
     FED,
@@ -48,10 +50,8 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
 )
-from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.sets import force_terms
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 

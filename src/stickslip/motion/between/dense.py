@@ -14,6 +14,8 @@ import numpy as np
 from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.shown import show_admissible
+from stickslip.motion.algebra.roots import horner
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM,
@@ -27,12 +29,10 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     is_stopped,
-    set_mode,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 

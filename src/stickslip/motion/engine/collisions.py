@@ -58,9 +58,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    directions_of,
-    inertial_contacts,
 )
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.numerics.levels import CREATED_ENERGY, IMPACT_ZERO
 from stickslip.translator import compiled
 

@@ -16,6 +16,8 @@ from stickslip.arrays import Array, IntMatrix, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
+from stickslip.motion.algebra.roots import value_and_slope
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.events import (
     count_step,
     fire,
@@ -74,14 +76,12 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_stopped,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.directions import take_direction
-from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import CLOSEST, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of

@@ -6,6 +6,7 @@ The clock, the counters and the record of a motion are written here, too.
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.collisions import CREATES, JUMPED, NO_IMPULSE, collide
 from stickslip.motion.engine.impacts import first_approaching, open_all, size_gaps
 from stickslip.motion.engine.jumps import due_jump, fires, make_jump, passed_jumps
@@ -50,11 +51,10 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Task,
-    leads,
 )
+from stickslip.motion.steps.contacts import leads
 from stickslip.motion.steps.sets import kink_terms, store_gap_sizes
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import CLOSEST, FIRED
 from stickslip.translator import compiled
 

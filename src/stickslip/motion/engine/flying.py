@@ -20,6 +20,7 @@ from stickslip.motion.affine.forms import (
     form_of,
     slots_of,
 )
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.events import count_step, fire, note
 from stickslip.motion.engine.jumps import due_jump, passed_jumps
 from stickslip.motion.modes.guards import contact_of, requirement_of
@@ -38,7 +39,6 @@ from stickslip.motion.steps.arrays import (
     Task,
     is_stopped,
 )
-from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 _UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form

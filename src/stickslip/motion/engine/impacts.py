@@ -38,10 +38,8 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    inertial_friction,
-    loosen_friction,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import inertial_friction, loosen_friction, set_mode
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import NO_SPEED, ROUNDING

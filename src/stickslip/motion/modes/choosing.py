@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
+from stickslip.motion.algebra.vectors import clear, copy
 from stickslip.motion.modes.guards import scan
 from stickslip.motion.modes.mode_series import make_series, matches_prediction, unit_for
 from stickslip.motion.modes.pivots import (
@@ -47,12 +48,11 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, is_implicit_due
-from stickslip.motion.steps.vectors import clear, copy
 from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
 

@@ -8,6 +8,7 @@ from stickslip.arrays import Array
 from stickslip.motion.admissible.leaving import find_leaving
 from stickslip.motion.admissible.overload import LEAVES
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, is_first
+from stickslip.motion.algebra.roots import divide_out, first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -22,11 +23,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    has_opened,
-    is_loose,
-    opens,
 )
-from stickslip.motion.steps.roots import divide_out, first_crossing
+from stickslip.motion.steps.contacts import has_opened, is_loose, opens
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -454,6 +452,53 @@ def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
 
 
 @compiled()
+def note_violated(space: Space, g: int, violated: int, count: int) -> tuple[int, int]:
+    """Add a guard to the violated ones, as :func:`scan` returns them; the first one discards the
+    guards that may fire."""
+    if violated < 0:
+        violated = g
+        count = 0
+    space.labels[count, NUMBER] = g
+    return violated, count + 1
+
+
+@compiled()
+def note_together(
+    flow: Flow,
+    mode: Array,
+    g: int,
+    near: float,
+    late: float,
+    lack: float,
+    violated: int,
+    count: int,
+) -> tuple[int, int]:
+    """Evaluate the guard of contacts that share their forces; returns what :func:`scan` returns.
+
+    Parameters
+    ----------
+    g, near, late, lack
+        As in :func:`guard_together`.
+    violated, count : int
+        Results of :func:`scan` for the guards before it.
+    """
+    space = flow.space
+    N = flow.order
+    held, s, order = guard_together(flow, mode, g, near, late, lack, space.pending[count])
+    if held:
+        return violated, count
+    if s < 0:
+        return note_violated(space, g, violated, count)
+    if violated >= 0:
+        return violated, count
+    space.labels[count, NUMBER] = g
+    space.labels[count, _DEGREE] = N - 1 - order
+    divide_out(space.pending[count], order, N)
+    space.pending[count, N] = 0.0
+    return violated, count + 1
+
+
+@compiled()
 def scan(
     flow: Flow, mode: Array, reg: Array, settled: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
@@ -501,23 +546,7 @@ def scan(
             if stands_for_all(rows, mode, nk, g):
                 own = fired >= nk and may_share(rows, fired - nk, contact_of(g, nk))
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
-                held, s, order = guard_together(
-                    flow, mode, g, near, late, lack, space.pending[count]
-                )
-                if held:
-                    continue
-                if s < 0:
-                    if violated < 0:
-                        violated = g
-                        count = 0
-                    labels[count, NUMBER] = g
-                    count += 1
-                elif violated < 0:
-                    labels[count, NUMBER] = g
-                    labels[count, _DEGREE] = N - 1 - order
-                    divide_out(space.pending[count], order, N)
-                    space.pending[count, N] = 0.0
-                    count += 1
+                violated, count = note_together(flow, mode, g, near, late, lack, violated, count)
             continue
         own = stopped >= 0 and nk <= g and contact_of(g, nk) == stopped
         just = just and not (own and mode[stopped] == 0)
@@ -540,11 +569,7 @@ def scan(
                 continue
             s = -1
         if s < 0 and not requirement:
-            if violated < 0:
-                violated = g
-                count = 0
-            labels[count, NUMBER] = g
-            count += 1
+            violated, count = note_violated(space, g, violated, count)
             continue
         if violated >= 0:
             continue

@@ -37,6 +37,8 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     is_loose,

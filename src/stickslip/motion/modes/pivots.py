@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, sticks_in
+from stickslip.motion.algebra.vectors import clear, is_new
 from stickslip.motion.modes.guards import NUMBER, contact_of, is_second, stays
 from stickslip.motion.modes.surfaces import is_wide
 from stickslip.motion.steps.arrays import (
@@ -20,6 +21,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     inertial_contacts,
     is_loose,
@@ -27,7 +30,6 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.sets import kink_terms
-from stickslip.motion.steps.vectors import clear, is_new
 from stickslip.numerics.levels import FIRED, NEW_DIRECTION
 from stickslip.translator import compiled
 

@@ -31,6 +31,7 @@ from stickslip.motion.admissible.cones import (
 from stickslip.motion.admissible.impacts_law import (
     put_part,
 )
+from stickslip.motion.algebra.vectors import copy, is_new
 from stickslip.motion.modes.choosing import settle_mode
 from stickslip.motion.modes.guards import (
     stays,
@@ -58,6 +59,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     inertial_contacts,
@@ -69,7 +72,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy, is_new
 from stickslip.numerics.levels import NEW_DIRECTION
 from stickslip.translator import compiled
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import clear
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
@@ -35,6 +36,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     has_opened,
@@ -54,7 +57,6 @@ from stickslip.motion.steps.sets import (
     whole_speed,
 )
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import clear
 from stickslip.numerics.levels import FIRED, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 

@@ -87,6 +87,9 @@ STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR, AU_SIZE, HAS_AXES = range(
 REQUIRED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
 RUBBING, PRESSING = range(2)
+# Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
+# impact; and by link, coefficients of friction against slip forward and back, and where it holds.
+WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
@@ -511,61 +514,6 @@ def is_stopped(space: Space) -> bool:
 
 
 @compiled()
-def own_inverse(rows: Rows, space: Space, c: int) -> float:
-    """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
-    part = rows.homes[c, PART]
-    seat = rows.homes[c, SEAT]
-    column = seat - rows.parts[part, FIRST_ROW]
-    return float(
-        space.Rq[seat, column] if rows.parts[part, MATRIX] == 0 else space.Rz[seat, column]
-    )
-
-
-# Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
-# impact; and by link, coefficients of friction against slip forward and back, and where it holds.
-WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
-
-
-@compiled()
-def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float:
-    """A coefficient of the direction of a contact, by the place of the coordinate in its component:
-    constant, or from the table."""
-    turning = rows.turning[c, j]
-    return float(table[turning, 0] if turning >= 0 else J[c, j])
-
-
-@compiled()
-def inertial_contacts(rows: Rows) -> Array:
-    """The first directions of all contacts that move inertial coordinates."""
-    return rows.contacts[: rows.massive_contacts]
-
-
-@compiled()
-def inertial_friction(rows: Rows) -> Array:
-    """The contacts among them that have friction."""
-    return rows.frictional[: rows.massive_frictional]
-
-
-@compiled()
-def directions_of(rows: Rows, c: int) -> Array:
-    """The directions of a contact, by its first one; none, if it is another one."""
-    return rows.directions[rows.first_direction[c] : rows.first_direction[c + 1]]
-
-
-@compiled()
-def own_directions(rows: Rows, c: int) -> Array:
-    """All directions of the contact that a direction belongs to."""
-    return directions_of(rows, rows.lead[c])
-
-
-@compiled()
-def leads(rows: Rows, c: int) -> bool:
-    """Whether a direction is the first one of its contact: what is said of the contact is said of
-    it."""
-    return bool(rows.lead[c] == c)
-
-
-@compiled()
 def tape_of(flow: Flow, N: int) -> DiscTape:
     """The tape of a system, at the instant of which the series are in the work space.
 
@@ -576,55 +524,6 @@ def tape_of(flow: Flow, N: int) -> DiscTape:
     """
     p, s = flow.rows.program, flow.space
     return DiscTape(p, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls, s.reaches, N)
-
-
-@compiled()
-def is_loose(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact has friction under normal forces alone, and all that press it are open."""
-    if rows.alone[c] == 1:
-        return False
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if mode[rows.links[link, PRESSING]] == 0:
-            return False
-    return True
-
-
-@compiled()
-def opens(rows: Rows, c: int) -> bool:
-    """Whether a contact is the normal direction of one that can open."""
-    return bool(rows.gaps[c] >= 0)
-
-
-@compiled()
-def has_opened(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact can open, and has."""
-    return bool(opens(rows, c) and mode[c] != 0)
-
-
-@compiled()
-def loosen_friction(rows: Rows, mode: Array) -> None:
-    """Open contacts have no friction: their mode is set to slip, in a unique direction."""
-    for c in inertial_friction(rows):
-        if is_loose(rows, mode, c):
-            set_mode(rows, mode, c, 1)
-
-
-@compiled()
-def presses(rows: Rows, n: int, c: int) -> bool:
-    """Whether the normal force of contact n is in the friction of contact c."""
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if rows.links[link, PRESSING] == n:
-            return True
-    return False
-
-
-@compiled(brief=True)
-def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Give a contact a mode, which all its directions have; where they are several, a slip has no
-    sign."""
-    block = own_directions(rows, c)
-    for i in block:
-        mode[i] = value if len(block) == 1 else abs(value)
 
 
 @compiled()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.roots import horner
 from stickslip.motion.discs.spreading import is_given, reach
 from stickslip.motion.discs.tables import SLOPE, store
 from stickslip.motion.steps.arrays import (
@@ -24,10 +25,8 @@ from stickslip.motion.steps.arrays import (
     PART,
     Flow,
     Rows,
-    directions_of,
-    set_mode,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import directions_of, set_mode
 from stickslip.motion.steps.sets import axis_of, slip_speed, width_of
 from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.symbolic.tape import DIRECTION_GIVEN

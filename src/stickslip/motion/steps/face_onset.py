@@ -18,6 +18,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -30,9 +31,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.onset import MOST_LEADING, NEGLIGIBLE
 from stickslip.motion.steps.response import (
     AIMS,
@@ -45,7 +46,6 @@ from stickslip.motion.steps.response import (
     rate_row,
 )
 from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_at
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.numerics.levels import FIRED, LOWERED, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 

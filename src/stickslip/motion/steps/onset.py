@@ -25,6 +25,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
+from stickslip.motion.algebra.vectors import direction_and_turn, is_new
 from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
@@ -45,7 +46,6 @@ from stickslip.motion.steps.response import (
     span_rates,
     speed_along,
 )
-from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 

@@ -11,6 +11,7 @@ beginning. What directions can make is what the body can do: an orthonormal basi
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import is_new
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -27,11 +28,10 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.sets import whole_rate, width_of
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import NEW_DIRECTION, ROUNDING
 from stickslip.translator import compiled
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import direction_and_turn
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM_SPEED,
@@ -29,11 +30,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    directions_of,
-    is_loose,
-    own_directions,
 )
-from stickslip.motion.steps.vectors import direction_and_turn
+from stickslip.motion.steps.contacts import directions_of, is_loose, own_directions
 from stickslip.numerics.levels import LAST_DIGITS, ROUNDING
 from stickslip.translator import compiled
 

@@ -37,10 +37,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import directions_of, set_mode
 from stickslip.motion.steps.face_onset import aim_face_order, aim_faces, put_pieces
 from stickslip.motion.steps.onset import (
     MOST_LEADING,

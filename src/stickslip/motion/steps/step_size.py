@@ -35,9 +35,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     tape_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.directions import (
     discard_directions,
     follow_directions,

@@ -51,6 +51,7 @@ from stickslip.motion.affine.modal_sums import (
     widen_by_sum,
 )
 from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, most
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -116,7 +117,6 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, kink_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
