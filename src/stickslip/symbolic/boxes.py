@@ -80,12 +80,14 @@ def between(start: Box, end: Box, slope: Box, width: Array) -> Box:
 
 
 def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
+    # With 0 among the slopes the lines fall away from both ends, so that they meet in the box.
     least, most = np.minimum(slope[0], 0.0), np.maximum(slope[1], 0.0)
     with np.errstate(all="ignore"):
         place = np.nan_to_num(np.clip((most * width - (end - start)) / (most - least), 0.0, width))
         before = least * place
         after = most * (width - place)
         low = np.minimum(start + before, end - after)
+        # Rounding errors of this bound itself: the result stays a rigorous enclosure.
         low -= LOOSE * (np.maximum(np.abs(start), np.abs(end)) + np.abs(before) + np.abs(after))
     low = np.where(least == 0.0, start, np.where(most == 0.0, end, low))
     return np.where(np.isfinite(low), low, -math.inf)

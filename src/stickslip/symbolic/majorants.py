@@ -112,12 +112,15 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
 def _of_power(a: Array, b: Array, p: float) -> Array:
     """(a + δ)^p − a^p for |δ| ≤ b."""
     if p > 0.0 and float(p).is_integer():
+        # (|a| + b)ᵖ − |a|ᵖ, without cancellation for small b.
         size = np.abs(a) ** p
         share = b / np.abs(a)
         return np.where(
             share < 1.0, size * np.expm1(p * np.log1p(share)), (np.abs(a) + b) ** p - size
         )
     whole = float(p).is_integer()
+    # Analytic only in a disc that does not contain 0, where the power has a pole or a branch point.
+    # The series of (1 − x)^(−|p|) majorises that of (1 + x)ᵖ.
     inside = (b < np.abs(a)) & ((a > 0.0) | whole)
     return np.where(inside, np.abs(a) ** p * np.expm1(-abs(p) * np.log1p(-b / np.abs(a))), np.inf)
 
@@ -153,7 +156,7 @@ def by_addition(row: Function, a: Array, b: Array) -> Array:
     b."""
     value, slope = evaluator([ex.call(row.name, ex.sym(ARGUMENT)), row.slope], [ARGUMENT])(a[None])
     odd = np.sinh(b)
-    even = 2.0 * np.sinh(0.5 * b) ** 2
+    even = 2.0 * np.sinh(0.5 * b) ** 2  # cosh b − 1 without cancellation
     return np.abs(slope) * odd + np.abs(value) * even
 
 
@@ -162,6 +165,7 @@ def of_tan(row: Function, a: Array, b: Array) -> Array:
     odd = np.sinh(b)
     even = 2.0 * np.sinh(0.5 * b) ** 2
     c = np.abs(np.cos(a))
+    # |cos(a + δ)| is at least this; the tangent has a pole where it vanishes.
     room = c - (np.abs(np.sin(a)) * odd + c * even)
     return np.where(room > 0.0, odd / (c * room), np.inf)
 
@@ -176,5 +180,6 @@ def of_tanh(row: Function, a: Array, b: Array) -> Array:
 def beside_i(row: Function, a: Array, b: Array) -> Array:
     """For asinh and atan, which are singular at ±i: |f′| is at most the reciprocal of the
     distance."""
+    # ∫ ds/(far − s) along δ bounds the change.
     far = np.hypot(1.0, a)
     return np.where(b < far, -np.log1p(-b / far), np.inf)

@@ -25,6 +25,7 @@ def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
     size = 0.0
     for j in range(n):
         size += basis[rank, j] ** 2
+    # Twice: one pass of Gram–Schmidt leaves rounding errors relative to the removed part.
     for _ in range(2):
         for r in range(rank):
             dot = 0.0
@@ -49,6 +50,7 @@ def solve_equations(system: Array, n: int) -> bool:
     for k in range(n):
         best = k
         most = -1.0
+        # Pivots relative to their rows: equations of different units have no common scale.
         for i in range(k, n):
             size = 0.0
             for j in range(n):

@@ -94,6 +94,7 @@ def sample_plane(
     speed = 0.0
     for i in range(len(block)):
         speed = math.hypot(speed, V[plane[AHEAD + i], 0])
+    # A speed whose terms nearly cancel is known only relative to these.
     speed = max(speed, CANCELLED_PART * whole_speed(rows, mag, c))
     law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], speed)
     if mode[c] == 0:
@@ -202,6 +203,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         force = law[c, LARGEST_FORCE]
         loose = deviation_bound(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * force * force)
+        # s² − |A⁻¹λ|² ≈ 2 s (s − |A⁻¹λ|): divided by s below, it is a force.
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
         unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
@@ -220,6 +222,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         for i in range(j):
             across += product_deviation(W, discs, aim + i, plane[AHEAD + j], factor)
             across += product_deviation(W, discs, aim + j, plane[AHEAD + i], factor)
+    # The slip has the direction of the friction if n·Au ≥ 0 and n × Au = 0.
     low = least_on_nodes(samples[row], space.bernstein, rounding)
     law[c, BACKWARDS] = most(law[c, BACKWARDS], along - rounding - low)
     for j in range(len(block)):

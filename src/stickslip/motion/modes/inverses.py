@@ -75,6 +75,8 @@ def resolvent(
             for i in range(n):
                 scratch[n + c, i] = J[members[n + c], i]
             if group[members[n + c]] >= 0:
+                # Only a mark of rows whose forces may not be unique: `shared_inverse` removes it,
+                # and minimises Σ λ²/s² among these forces.
                 shared = True
                 scratch[n + c, n + c] = -J[members[n + c], J.shape[1] - 2]
         else:
