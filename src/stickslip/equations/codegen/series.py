@@ -207,6 +207,8 @@ def share_forces(A: Array, n: int, R: Array) -> None:
             continue
         for i in range(n):
             A[found, i] = R[i, c] if A[n + 1, i] > 0.0 else 0.0
+        # Gram–Schmidt in the norm Σ λ²/s²; the second pass removes the rounding errors of the
+        # first.
         for _ in range(2):
             for k in range(found):
                 dot = 0.0

@@ -413,6 +413,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
         slips = s.select(kept, s.stored(row, k), made)
         s.put(row, k, s.select(free, rests[row - n] if rests and row < r else 0.0, slips))
 
+    # Order k of |u|² = Σ uᵢ² is solved for the newest coefficient of |u|, that of n |u| = u for n.
     if k != 0:
         squares = s.square(sides[0], k)
         for row in sides[1:]:

@@ -128,6 +128,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
             ray[c], ray[o] = f, g
             continue
+        # The point of an ellipse with semi-axes f and g that is farthest along what is left.
         x, y = f * cones[LEFT, c], g * cones[LEFT, o]
         size = math.hypot(x, y)
         if size > 0.0:

@@ -356,6 +356,8 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         column = 0
         for b in range(mq):
             if is_held(rows, tried, mode, b):
+                # A contact that slides under b has the impulse μΛ_b against its slip, which changes
+                # the velocity of a, too.
                 entry = G[a, b]
                 for link in range(len(rows.links)):
                     c = rows.links[link, RUBBING]
@@ -363,6 +365,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
                         entry -= work[SENSE, c] * work[slips_towards(mode, c), link] * G[a, c]
                 system[size, column] = entry
                 column += 1
+        # Newton's law, γ⁺ = −e γ⁻.
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
         size += 1
     if not solve_equations(system, size):
@@ -466,6 +469,7 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
     for c in range(rows.sizes[ON_INERTIAL]):
         largest = max(largest, abs(work[IMPULSE, c]))
         fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
+        # The work of an impulse is its product with the mean of the velocities before and after.
         gained += 0.5 * work[IMPULSE, c] * (work[BEFORE, c] + work[AFTER, c])
         size += 0.5 * abs(work[IMPULSE, c]) * (abs(work[BEFORE, c]) + abs(work[AFTER, c]))
     strong = IMPACT_ZERO * largest

@@ -278,6 +278,8 @@ def holds_until(
             return end, False
         b = end if a + 1.01 * length >= end else a + length
         place_piece(flow, mode, group, d, a, b)
+        # The admissible sets are convex: a polynomial stays in them if its control points are
+        # there. The last control point is its value at the end, so that a failure there is a proof.
         held = True
         for i in range(d, -1, -1):
             place_point(flow, mode, group, flow.space.piece, i)

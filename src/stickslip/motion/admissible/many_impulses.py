@@ -129,6 +129,8 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
         work[IMPULSE, c] = 0.0
         mode[c] = 1
     put_velocities(rows, space)
+    # Relaxation converges slowly, but finds modes from which pivoting needs few steps; if pivoting
+    # fails, it continues for twice as long.
     rounds = _FIRST_ROUNDS
     while rounds <= _LAST_ROUNDS:
         for _ in range(rounds):
@@ -482,6 +484,7 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
         pressed = pressed_by(rows, space, c)
         if pressed > 0.0:
             turn = space.impulses[tried[_PLACE, c], size] / pressed
+            # The equations are linear in the turn, which is therefore limited to 45°.
             turn = max(-1.0, min(1.0, turn))
             n, m = work[SENSE, c], work[SENSE, o]
             x, y = n - turn * m, m + turn * n

@@ -313,6 +313,7 @@ def place_turns(flow: Flow, mode: Array, group: int, rank: int, a: float, length
             orders[0] = direction_entry(rows, flow.k.J, space.W, c, j)
             for k in range(1, last):
                 orders[k] = space.W[row, k] * space.powers[k]
+            # Taylor shift to the beginning of the piece, by repeated synthetic division.
             for i in range(last):
                 for k in range(last - 2, i - 1, -1):
                     orders[k] += a * orders[k + 1]
@@ -351,6 +352,7 @@ def cancel_order(flow: Flow, mode: Array, group: int, rank: int, k: int, d: int)
             force = series[mq * nq + c, k - j]
             for r in range(rank if force != 0.0 else 0):
                 total[r] += series[c * nq + r, j] * force
+    # Forces of minimum norm with a resultant are G (GᵀG)⁻¹ times it.
     for r in range(rank):
         least[r] = 0.0
         for i in range(rank):

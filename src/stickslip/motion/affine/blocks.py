@@ -285,6 +285,8 @@ def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
                     terms += modulus(L[b, i]) * abs(F[i, k])
             if modulus(total) <= FEW_ROUNDINGS * terms:
                 continue
+            # A motion that is driven at eigenvalue 0 grows like t², which this form does not
+            # contain.
             if T.exponent[slot, b] == 0.0j:
                 return -1
             L[b, k] = total / T.exponent[slot, b]

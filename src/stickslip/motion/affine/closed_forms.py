@@ -147,6 +147,8 @@ def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
                 parts += 1
         for m in range(len(omega)):
             parts += 1 if T.swing[slot, g, n + m] > 0.0 else 0
+        # A zero of a polynomial and one exponential or wave is nearly known; of several it has to
+        # be searched.
         if parts > 1:
             return False
     return True
@@ -168,6 +170,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
     still = fastest == 0.0 and len(omega) == 0
     for frequency in omega:
         fastest = max(fastest, frequency)
+    # A power of two, so that the change of the unit of time rounds nothing.
     pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
     T.pace[slot] = pace
     T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, TINIEST)
@@ -235,6 +238,7 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             felt = felt or G[i, j] != 0.0
         T.felt[slot, j] = 1.0 if felt else 0.0
         w.ones[0, j] = 1.0
+    # |G| |S|ᵏ 1 bounds the k-th derivatives of the guards if no component of s exceeds 1.
     for k in range(LEADING_ORDERS + 1):
         size = w.ones[k % 2]
         after = w.ones[(k + 1) % 2]

@@ -342,6 +342,7 @@ def orthogonalise(A: Array, axes: Array, lengths: Array) -> None:
                     continue
                 done = False
                 ratio = (b - a) / (2.0 * c)
+                # The smaller of both roots: rotations by at most 45° converge.
                 tangent = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
                 cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
                 sine = cosine * (tangent if ratio >= 0.0 else -tangent)

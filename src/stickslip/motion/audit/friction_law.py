@@ -183,6 +183,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     law = tally.law
     factor = piece.factor
     unit = space.W[rows.sizes[DIMENSION], 1]
+    # Knots are rounded times: what a quantity does within that rounding is no violation.
     late = _LATE * abs(piece.t) / unit
     for c in rows.openings:
         judge_opening(rows, space, mode, c, factor, tally)

@@ -374,6 +374,7 @@ def solve_rate_discs(tape: DiscTape, i: int) -> None:
                     weight = abs(R[first + j, k])
                     total += weight * new[k] if weight != 0.0 else 0.0
                 settled = settled and total <= old[j]
+                # Wider than needed, so that the inequality holds after a few sweeps.
                 old[j] = max(old[j], total * (1.0 + _WIDENED))
             if settled:
                 break

@@ -400,6 +400,7 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
     length = 0.0
     for i in range(3):
         most = max(most, abs(equations[i, 4]))
+    # Damped: the linearised equations hold for small rotations of n only.
     share = min(1.0, 0.5 / most) if most > 0.0 else 1.0
     for i in range(3):
         n[i] += share * equations[i, 4]

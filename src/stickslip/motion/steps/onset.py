@@ -298,6 +298,7 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
         speed = math.hypot(x, y)
         size = 0.0
         for r in range(rank):
+            # The cross product vanishes for mechanisms that keep the direction of this slip.
             face[others, r] = (x * span[r, 2 * p + 1] - y * span[r, 2 * p]) / speed
             size += face[others, r] ** 2
         if size > NEW_DIRECTION and is_new(rank, face, others, _ACROSS):
@@ -432,6 +433,7 @@ def refine_aim(
     for _ in range(NEWTON_TURNS):
         if not respond_along(machine, flow, at, table, rank, way, 0.0, True):
             return False
+        # Newton's method for v and β in Zᵀ(b₀ + Â n) = β v, bordered by |v|² = 1.
         place_slopes(flow, rank, way, 0.0, 1.0)
         part_in_span(flow, rank, BX, 0, right)
         answer_to(flow, rank, X, 0, 1.0, right)
@@ -449,6 +451,7 @@ def refine_aim(
             way[r] += onset[_SOLVED, r]
             change = max(change, abs(onset[_SOLVED, r]))
         beta += onset[_SOLVED, rank]
+        # Corrections that no longer decrease have reached the rounding errors.
         settled = change <= 2.0 * EPSILON or (change < _SURE and not change < before)
         if settled:
             break

@@ -278,6 +278,8 @@ def visit(
                 around = abs(time)
                 nudge = _NUDGE * (abs(time) + step)
                 time += nudge
+            # Differences relative to the value and to its change in the step, so that they exceed
+            # rounding errors also for components near zero.
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step

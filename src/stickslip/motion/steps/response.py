@@ -206,6 +206,7 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
         row = AIMS * (probe // 2) + N_ + probe % 2
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
+        # Order 1 of a direction changes order 2 of Au, so one evaluation gives a column of Â.
         if probe >= 0:
             aims[row, 1] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)

@@ -552,6 +552,7 @@ def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float,
         inwards = -(a * x + b * y)
         root = inwards * inwards - (x * x + y * y) * outside
         below = inwards + math.sqrt(max(root, 0.0))
+        # The smaller root, as a quotient that does not cancel.
         return outside / below if below > outside else 1.0
     if not force_outside(flow, c, radius, a, b) > 0.0:
         return 0.0

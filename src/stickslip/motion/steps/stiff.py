@@ -320,6 +320,7 @@ def collocate(
         to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
         drop_rounding(flow, stages.known)
         excess = last_terms(flow, stages, step, seen)
+        # The last terms of a polynomial of degree s scale with the s-th power of the step.
         fits = 0.9 * max(excess, LEAST_SIZE) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)

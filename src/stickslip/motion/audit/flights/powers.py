@@ -60,6 +60,8 @@ def power_of_pairs(
         a.gram[n, r] = a.gram[r, r]
     spent, fed = 0.0, 0.0
     here = Instant(at.t, a.y, at.mode, at.reg)
+    # Pivoted Cholesky: ∫ x xᵀ dt is a sum of few x xᵀ, so the integral of a quadratic power is the
+    # sum of its values at these x, taken so large that terms of lower degree vanish.
     for _ in range(n):
         best, part = 0, 0.0
         for r in range(n):

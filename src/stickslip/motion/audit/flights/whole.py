@@ -433,6 +433,8 @@ def follow_part(
             for j in range(s.exponents):
                 total += (form.a[first + r, j] * a.begin[j] * a.moments[g, j]).real
             a.x[r] = h * total
+        # Powers are quadratic forms: half the difference of both sides is the mixed term of q and
+        # the integrals of the exponentials.
         for side in (1.0, -1.0):
             for r in range(n):
                 a.y[r] = a.states[r, g] + side * a.x[r]
@@ -594,6 +596,8 @@ def add_contacts(
                 moment = h * a.begin[j] * a.moments[g, j]
                 held += (a.right[s.slot, force, j] * moment).real
                 fast += (a.right[s.slot, u, j] * moment).real
+            # The slow parts by Gauss's rule, their products with exponentials by moments; products
+            # of exponentials alone are added for the whole flight (:func:`add_work_of_pairs`).
             weight = h * GAUSS_WEIGHTS[g]
             sums.impulse[c] += weight * a.slow[force, g] + held
             sums.work[c] -= weight * a.slow[force, g] * a.slow[u, g]
