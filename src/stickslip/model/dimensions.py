@@ -1,4 +1,4 @@
-"""Whether the units of a declaration agree: term by term, as far as they are declared.
+"""Consistency of the units of a declaration: term by term, as far as units are declared.
 
 Units are optional, and numbers may hide some (a mass of 1, a 9.81). So a term counts only if every
 name in it has a unit, one of its factors is a parameter, samples or a table, and its coefficient is
@@ -107,8 +107,8 @@ class _Check:
         return list(self.found)
 
     def slip(self, direction: Mapping[str, Expr]) -> Unit | None:
-        """The unit of a relative velocity, if all parts of it say the same; numbers other than ±1
-        may stand for anything."""
+        """The unit of a relative velocity, if all its terms agree; numbers other than ±1 may have
+        any unit."""
         found = [
             self.product([(weight, 1.0), (ex.sym(f"d_{x}"), 1.0)])
             if weight.op != "num" or abs(ex.number(weight)) == 1.0
@@ -216,8 +216,8 @@ class _Check:
         return _times(own, self.of(e.args[0]), powers=(1.0, float(power))) if power else own
 
     def counts(self, e: Expr) -> bool:
-        """Whether something in it has a unit of its own that is no part of the argument of a
-        function: a parameter, samples, a table."""
+        """Whether an expression contains a parameter, samples or a table with a unit, other than in
+        arguments of functions."""
         for node in ex.walk([e]):
             if node not in self.counting:
                 self.counting[node] = self.has_own(node)
@@ -238,7 +238,7 @@ class _Check:
                 return row.tabulated and bool(_declared(row.unit[0]))
 
     def may_hide(self, term: Expr, c: float) -> bool:
-        """Whether a number in front of a term without parameters may stand for one."""
+        """Whether a number in front of a term without parameters may have a unit."""
         return abs(c) != 1.0 and not self.counts(term)
 
     def product(self, powers: Iterable[tuple[Expr, float]]) -> Unit | None:

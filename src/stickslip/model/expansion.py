@@ -43,7 +43,7 @@ _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e o
 
 
 class Expansion:
-    """The parts of a system while it is written out, and what is done to them.
+    """The parts of a system during its expansion, and operations on them.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Expansion:
         )
 
     def as_declared(self, error: DeclarationError) -> DeclarationError:
-        """An error of the plain system, said of what was declared."""
+        """Restate an error of the expanded system for the declared one."""
         for part, origin in self.origins.items():
             if error.where == part or error.where.startswith(f"{part}."):
                 return DeclarationError(origin, error.reason, error.remedy)
@@ -130,7 +130,7 @@ class Expansion:
         self.origins[entry_key("contacts", label)] = where
 
     def number(self, formula: str, words: Mapping[str, str], where: str) -> float:
-        """The value of a formula of a law's parameters, as they are declared."""
+        """Value of a formula of the parameters of a law, with their declared values."""
         names = DeclaredNames()
         names.functions("functions", self.functions)
         known = {name: ex.sym(name) for name in self.system.parameters}
@@ -222,7 +222,7 @@ class Expansion:
         return found
 
     def unit_of_way(self, slopes: Mapping[str, str]) -> str:
-        """The unit of displacements along a direction, if all coordinates say the same."""
+        """The unit of displacements along a direction, if all coordinates have the same one."""
         units = {
             self.structures[entry_of(x, self.structures)[1]].unit
             if is_entry(x)

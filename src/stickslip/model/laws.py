@@ -174,7 +174,7 @@ class FrictionLaw:
         return plot_law(self)
 
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
-        """Its parameters, called by their names; some elements share what is a list."""
+        """Parameters by their names; list parameters are divided among the elements."""
         return {
             name: _SPEEDS
             if name in self.points[:1]

@@ -61,7 +61,7 @@ class Program(NamedTuple):
 
 
 def pack(layout: Layout) -> Program:
-    """Arrays of a tape: first what is needed for the instructions that may hide something."""
+    """Pack a tape into arrays: first the instructions that the discs of the step control need."""
     hiding = _hiding(layout)
     needed = _needed(layout.instructions, hiding)
     ordered = [i for i in layout.instructions if i in needed] + [

@@ -66,7 +66,7 @@ class Progression(NamedTuple):
 
 
 class Tabled(Routine):
-    """A function in which what is repeated is a loop."""
+    """A function in which repeated instructions are a loop over tables."""
 
     @cached_property
     def _bytes(self) -> bytearray:
@@ -290,7 +290,7 @@ def _levels(stores: list[Store]) -> list[int]:
 
 
 def _read(s: Scalar, names: set[str]) -> set[tuple[str, tuple[int, ...]]]:
-    """Entries of some arrays that a value is made of."""
+    """Array entries that enter a value."""
     found = set[tuple[str, tuple[int, ...]]]()
     seen = set[int]()
 

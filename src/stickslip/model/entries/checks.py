@@ -185,7 +185,7 @@ def _beside(formula: Expr, guard: Expr, branch: int) -> Expr:
 
 
 def terms_by_guard(formula: Expr) -> dict[Expr, Expr]:
-    """For each guard of a kink, the terms of a formula in which it stands."""
+    """Terms of a formula in which each guard of a kink occurs."""
     found: dict[Expr, dict[Expr, float]] = {}
     for term, c in formula.terms if formula.op == "sum" else ((formula, 1.0),):
         for e in ex.walk([term]):
@@ -260,7 +260,7 @@ def are_parallel(first: Mapping[str, Expr], second: Mapping[str, Expr]) -> bool:
 
 
 def are_dependent(directions: Sequence[Mapping[str, Expr]]) -> bool:
-    """Whether directions are linearly dependent, whatever the parameters and the state are."""
+    """Whether directions are linearly dependent for all parameters and states."""
     import numpy as np
 
     names = sorted({x for direction in directions for x in direction})

@@ -112,7 +112,8 @@ def _by_piece(knots: PiecewisePolynomial, x: Expr, even: Expr, odd: Expr) -> Exp
 
 
 def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bool]:
-    """Whether an argument is seen to come to neither end of a table, by its formula.
+    """Whether the formula of an argument proves that it cannot reach the lower or the upper end of
+    a table.
 
     Raises
     ------

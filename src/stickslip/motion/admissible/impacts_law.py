@@ -101,8 +101,8 @@ def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
 
 @compiled()
 def restitution_of(rows: Rows, space: Space, c: int) -> float:
-    """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
-    would let it come back."""
+    """Restitution of a contact in the current impact; 0 if it recedes before it, for which γ⁺ ≥ −e
+    γ⁻ would allow an approach."""
     return 0.0 if recedes(rows, space, c) else given_restitution(rows, space, c)
 
 
@@ -190,8 +190,8 @@ def put_part(rows: Rows, space: Space, J: Array, p: int, every: bool) -> None:
 
 @compiled()
 def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bool, float, float]:
-    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
-    they gain, and the size of its terms.
+    """Impulses in the mode with a number: whether they obey the law, the energy gained, and the
+    size of its terms.
 
     Parameters
     ----------
@@ -214,8 +214,8 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
 
 @compiled()
 def residual_of(rows: Rows, space: Space, mode: Array) -> float:
-    """The largest velocity after an impact of what is held, which should have none, in parts of the
-    largest of all. Equations whose rank is not full may have solutions that are rounding errors."""
+    """Largest velocity after an impact of contacts that should be at rest, relative to the largest
+    of all. Equations of deficient rank may have solutions that are rounding errors."""
     work = space.impact
     most = 0.0
     fastest = 0.0
@@ -318,7 +318,7 @@ def is_free(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
 
 @compiled()
 def slips_towards(mode: Array, c: int) -> int:
-    """The row of coefficients of friction of what slips in an impact."""
+    """The row of coefficients of friction of a sliding contact in an impact."""
     return FORWARD if mode[c] > 0 else BACK
 
 
@@ -429,7 +429,7 @@ def put_change(rows: Rows, space: Space) -> None:
 
 @compiled()
 def modes_of(rows: Rows, tried: Array) -> int:
-    """Number of modes of an impact: what is closed takes part or not, its friction sticks or
+    """Number of modes of an impact: closed contacts take part or not, their friction sticks or
     slips."""
     total = 1
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -440,7 +440,7 @@ def modes_of(rows: Rows, tried: Array) -> int:
 
 @compiled()
 def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> None:
-    """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
+    """Set the contacts to the mode with a number; contacts that do not take part slip."""
     for c in range(rows.sizes[ON_INERTIAL]):
         mode[c] = 1
     for c in inertial_contacts(rows):
@@ -533,8 +533,8 @@ def largest_jump(rows: Rows, work: Array) -> float:
 
 @compiled()
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
-    """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
-    rest."""
+    """A first guess of the mode after an impact: contacts that have rebounded are open; the others
+    are closed, and stick if they are at rest."""
     # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
     largest = largest_jump(rows, work)
     for c in rows.openings:

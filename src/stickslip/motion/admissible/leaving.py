@@ -1,4 +1,5 @@
-"""Contacts that share forces: how long they stick, and which of them begin to slip together.
+"""Contacts that share forces: the time until they leave stick, and the contacts that begin to slip
+together.
 
 Forces and radii are polynomials in Bernstein's form on a step. The set of all that can be held is
 convex (:mod:`stickslip.motion.admissible.overload`): what holds at their control points holds along

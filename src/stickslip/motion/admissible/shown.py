@@ -57,8 +57,8 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
 
 @compiled(brief=True)
 def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
-    """The least part of the way to forces inside their sets for which those in the work space come
-    inside, too.
+    """Smallest fraction of the way towards admissible forces at which the forces in the work space
+    become admissible, too.
 
     Parameters
     ----------

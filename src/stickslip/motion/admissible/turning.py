@@ -1,4 +1,4 @@
-"""Contacts that share forces and whose directions turn: how long they stick.
+"""Contacts that share forces and whose directions rotate: the time until they leave stick.
 
 On a turntable, or on a body that rotates about one of its points, the directions G turn during
 stick, and with them the self-equilibrated forces ν, Gᵀν = 0. At an instant, admissible forces f

@@ -51,8 +51,8 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
 
 @compiled()
 def solve_parts(T: ClosedForms, w: Making, slot: int) -> int:
-    """Eigenvectors of all parts, those that follow, and those that lead; returns as
-    :func:`find_blocks` does, whatever the drives are."""
+    """Eigenvectors of all parts, then of following and leading components; returns as
+    :func:`find_blocks` does, for any drives."""
     F = w.probes.F
     n = len(w.moving)
     for i in range(n):
@@ -82,9 +82,9 @@ def solve_parts(T: ClosedForms, w: Making, slot: int) -> int:
 
 @compiled()
 def find_parts(F: Array, moving: Array, part: Array) -> None:
-    """Mark the components that move, and of those what depends on what: rates of others depend on a
-    part, which is numbered by the first of its connected components; on what FOLLOWS, none
-    depends; and what LEADS depends on none."""
+    """Partition the moving components by their dependencies: coupled components form parts,
+    numbered by their first components; no rate depends on a component that FOLLOWS; a component
+    that LEADS depends on none."""
     n = len(moving)
     for i in range(n):
         moving[i] = 0
@@ -189,7 +189,7 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
 def leaves_out(
     w: Making, count: int, block: int, size: float, largest: float, scale: float
 ) -> bool:
-    """Whether more than rounding is left out of the matrix with an eigenvalue that is taken for 0.
+    """Whether setting an eigenvalue to 0 changes the matrix by more than rounding errors.
 
     Where eigenvectors are missing (a place and its velocity, both constant), those of two
     eigenvalues near 0 are large, and have opposite parts of the matrix.
@@ -255,7 +255,8 @@ def is_known(w: Making, count: int, block: int, value: complex) -> bool:
 
 @compiled()
 def settled(value: complex, largest: float) -> complex:
-    """An eigenvalue whose parts are exactly zero where they are rounding beside the largest one."""
+    """An eigenvalue with real and imaginary parts set to zero if they are rounding errors relative
+    to the largest eigenvalue."""
     real = value.real if abs(value.real) >= ZERO_EIGENVALUE * largest else 0.0
     imag = value.imag if abs(value.imag) >= _REAL * largest else 0.0
     return complex(real, imag)
@@ -263,8 +264,8 @@ def settled(value: complex, largest: float) -> complex:
 
 @compiled()
 def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
-    """Add the components that move evenly, whatever the others do (a block carried by a belt), and
-    that others depend on; returns as :func:`add_part` does.
+    """Add the components with constant rates that others depend on (a block carried by a belt);
+    returns as :func:`add_part` does.
 
     Where such a component stands still, the others have an equilibrium that follows it.
     """
@@ -305,8 +306,8 @@ def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
 
 @compiled()
 def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
-    """Add the components that nothing depends on (a leg dragged along): with z = A_f A⁻¹, x_f − z·x
-    does not feel the motion of the others. Returns as :func:`add_part` does."""
+    """Add the components that no other depends on (a leg dragged along): with z = A_f A⁻¹, x_f −
+    z·x is independent of the motion of the others. Returns as :func:`add_part` does."""
     F = w.probes.F
     V = w.V
     L = w.L

@@ -60,7 +60,7 @@ def make_form(
     mode: Array,
     reg: Array,
 ) -> None:
-    """Put the closed form of a mode into a slot; its status says whether there is one.
+    """Compute the closed form of a mode in a slot; its status reports whether there is one.
 
     Parameters
     ----------
@@ -122,9 +122,8 @@ def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
 
 @compiled(brief=True)
 def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
-    """Whether flights are much faster than Taylor steps, or not much slower: where there are few
-    components, roots of guards are nearly known, or steps would be short beside the motion, since
-    some of it is much faster than the rest."""
+    """Whether flights are much faster than Taylor steps, or not much slower: for few components,
+    for guards whose roots are nearly known, or in stiff modes, where steps would be short."""
     slowest = np.inf
     fastest = 0.0
     for b in range(blocks):
@@ -156,8 +155,8 @@ def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
 
 @compiled()
 def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
-    """Store ṡ = S s in a unit of time near the shortest of the mode, and what the flights want of
-    its exponents."""
+    """Store ṡ = S s in a unit of time near the shortest of the mode, and the data of its exponents
+    that flights need."""
     F = w.probes.F
     S = T.S[slot]
     n = len(w.moving)
@@ -311,7 +310,7 @@ def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
 
 @compiled()
 def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array) -> None:
-    """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
+    """Store the constraints of a mode: u of sticking inertial, λ + σs of sliding rate-independent
     contacts.
 
     Parameters

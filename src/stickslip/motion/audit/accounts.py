@@ -138,7 +138,7 @@ def samples_of(rows: Rows, c: int) -> int:
 
 @compiled()
 def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
-    """The speed that forces would give to what sticks.
+    """The speed that forces would give to a sticking contact if it were free.
 
     Parameters
     ----------

@@ -108,8 +108,8 @@ def may_stick_again(rows: Rows, c: int, quiet: bool) -> bool:
 
 @compiled()
 def has_friction(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether the friction of a contact is what its law says: something presses it, and it is not
-    one between given motions, whose force follows from its velocity alone."""
+    """Whether the friction of a contact is given by its law: a normal force acts on it, and it is
+    not between prescribed motions, where its force follows from its velocity alone."""
     return not (is_loose(rows, mode, c) or is_prescribed(rows, c))
 
 
@@ -214,8 +214,8 @@ def release_what_stays(
 
 @compiled(brief=True)
 def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
-    """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
-    the largest velocity before: what slowed down has the rounding errors of what it was."""
+    """Whether the relative velocity of a contact vanishes, up to rounding errors; on a line
+    relative to the largest velocity before, whose rounding errors remain after a deceleration."""
     if rows.plane[c] >= 0:
         return is_at_rest(rows, space.W, c, 1.0)
     return bool(abs(space.W[rows.u[c], 0]) <= ROUNDING * max(space.mag[c], largest))

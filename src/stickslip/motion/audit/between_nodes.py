@@ -182,7 +182,7 @@ def extent_of_body(
 
 @compiled()
 def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
-    """For how long an error of a rate counts in a piece of length h.
+    """Time for which an error of a rate counts in a piece of length h.
 
     Where a polynomial lasts longer than a series, because something decays, that is as long as a
     series would last, or as the terms of the rate would take to change this part of the state by
@@ -216,7 +216,7 @@ def encloses(
     factor: float,
     tally: Tally,
 ) -> bool:
-    """Whether what may be between the nodes of a piece is negligible.
+    """Whether possible deviations between the nodes of a piece are negligible.
 
     Parameters
     ----------

@@ -64,9 +64,9 @@ from stickslip.translator import compiled
 def sample_plane(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
-    """Keep what the law of a contact in a plane says at a node: s² − |A⁻¹λ|² and both velocities
-    in stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction. The first
-    and the last stand in the rows of the first direction; velocities, and what is across two
+    """Evaluate the law of a contact in a plane at a node: s² − |A⁻¹λ|² and both velocities in
+    stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction. The first
+    and the last are in the rows of the first direction; velocities, and cross products of two
     directions, in those of the direction, or of the second one.
 
     Parameters
@@ -242,9 +242,10 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
 
 @compiled()
 def share_sizes(rows: Rows, state: Array) -> None:
-    """Give the coordinates that a contact in a plane moves, and their velocities, one size, and so
-    the modes of a structure: they are components of vectors, and a turn of the axes does not
-    matter. None is smaller than next to nothing of the largest place, or velocity.
+    """Assign one common size to the coordinates that a contact in a plane moves, and one to their
+    velocities, and the same for the modes of a structure: they are components of vectors, whose
+    choice of axes is arbitrary. No size is smaller than a tiny fraction of the largest position, or
+    velocity.
 
     Parameters
     ----------

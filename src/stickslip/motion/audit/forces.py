@@ -110,8 +110,8 @@ def kept_room(trial: int) -> float:
 
 @compiled(brief=True)
 def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
-    """Look for other forces of what rests in a piece that obey the law; if there are any, their
-    guards take the place of those of the mode.
+    """Look for other forces of resting contacts in a piece that obey the law; if there are any,
+    their guards replace those of the mode.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
 
 @compiled(brief=True)
 def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int) -> bool:
-    """Find admissible forces of what rests, with the effect of those of the mode.
+    """Find admissible forces of resting contacts that have the same effect as those of the mode.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
 
 @compiled(brief=True)
 def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> bool:
-    """The cones of what rests, and its forces in the mode; False if coefficients of friction change
-    in the piece.
+    """Set up the admissible cones of resting contacts, and their forces in the mode; False if
+    coefficients of friction change in the piece.
 
     Parameters
     ----------
@@ -360,15 +360,15 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
 
 @compiled(brief=True)
 def difference_at(cones: Array, c: int, part: float) -> float:
-    """The difference of a force at a part of the way from one end to the other."""
+    """Difference of a force at a fraction of the way from one end to the other."""
     return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
 
 
 @compiled(brief=True)
 def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
-    """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
-    mode has no force, differences that change evenly are admissible between if they are at the
-    ends."""
+    """Whether the guards of resting contacts are nonnegative, up to rounding errors; where the mode
+    determines no force, differences that change linearly are admissible between the ends if they
+    are at both."""
     for c in range(rows.sizes[ON_INERTIAL]):
         if space.cones[RESTS, c] != HOLDS:
             continue
@@ -384,8 +384,8 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
-    """Whether forces of what rests do not obey the law at a node; what rests is put into the work
-    space.
+    """Whether forces of resting contacts violate the law at a node; the resting contacts are marked
+    in the work space.
 
     Parameters
     ----------
@@ -434,8 +434,8 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
 
 @compiled()
 def may_have_others(rows: Rows, space: Space) -> bool:
-    """Whether other forces of what rests are looked for: there are not too many contacts, and none
-    rubs in a plane."""
+    """Whether to look for other forces of resting contacts: there are not too many, and none has
+    friction in a plane."""
     return len(space.delassus) > 0 and len(rows.planes) == 0
 
 
@@ -450,7 +450,7 @@ def falls_below(space: Space, row: int, force: float) -> bool:
 
 @compiled()
 def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally) -> bool:
-    """Whether the velocity of a contact is nothing but rounding errors in a piece.
+    """Whether the velocity of a contact is within rounding errors of zero in a piece.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ _LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event m
 def sample_law(
     rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: int, tally: Tally
 ) -> None:
-    """Keep the values of all guards at a node, and the sizes of what they are made of.
+    """Store the values of all guards at a node, and the sizes of their terms.
 
     A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
 
@@ -113,7 +113,7 @@ def sample_law(
 
 @compiled()
 def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
-    """Keep how large the force and the velocity of a contact along a line are."""
+    """Store the sizes of the force and the velocity of a contact along a line."""
     law, mag, V = tally.law, space.mag, space.V
     held = abs(V[rows.force[c], 0])
     # Where thresholds vanish, a force is known up to the rounding of its terms only.
@@ -129,7 +129,8 @@ def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
 def sample_opening(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
-    """Keep the normal force or the gap of what can open, the gap, and the velocity, at a node.
+    """Store the normal force or the gap of a contact that can open, the gap, and the velocity, at a
+    node.
 
     Parameters
     ----------

@@ -269,8 +269,8 @@ def measure_piece(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Evaluate the law at the nodes of a piece, and add up what was found there and what may be
-    between them.
+    """Evaluate the law at the nodes of a piece, and add up the results and the bounds between the
+    nodes.
 
     Parameters
     ----------
@@ -436,7 +436,7 @@ def force_size(rows: Rows, law: Array, c: int) -> float:
 
 @compiled()
 def relative(value: float, size: float) -> float:
-    """A violation relative to a size; nothing relative to nothing is nothing."""
+    """A violation relative to a size; 0 if both are 0."""
     if value <= 0.0:
         return 0.0
     return value / size if size > 0.0 else np.inf

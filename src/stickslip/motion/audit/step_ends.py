@@ -233,8 +233,7 @@ def count_jumps(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Count the work that a load which jumps at a time does on what is at rest, too, as supplied
-    energy.
+    """Count the work of a load that jumps at a time as supplied energy, also on contacts at rest.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
 
 
 def shared_forces(rows: Rows) -> frozenset[int]:
-    """Rows of forces that several contacts share: their series are the least that rest needs, which
-    one of them may not hold; what is shown is not (:func:`.show_admissible`)."""
+    """Rows of forces that several contacts share: their series are those of minimum norm, which may
+    be inadmissible for one contact; the reported ones are admissible (:func:`.show_admissible`)."""
     groups = rows.group[rows.contacts]
     several = [g for g in np.unique(groups[groups >= 0]) if np.sum(groups == g) > 1]
     return frozenset(int(row) for row in rows.force[np.isin(rows.group, several)])

@@ -216,8 +216,8 @@ def extremes_known(rows: Rows) -> Array:
 
 
 class Stretch(NamedTuple):
-    """A flight: its closed form, when it begins, how long it lasts, in how many parts, how many
-    exponentials it has, and how long a Taylor series would last."""
+    """A flight: its closed form, its start and length, the number of its parts, the number of its
+    exponentials, and the length of a Taylor series."""
 
     slot: int
     t: float

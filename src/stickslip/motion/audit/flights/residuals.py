@@ -114,8 +114,8 @@ def put_residual(a: FlightAudit, form: ClosedForms, slot: int, j: int) -> None:
 
 @compiled()
 def note_residual(a: FlightAudit, form: ClosedForms, s: Stretch, begins: bool) -> None:
-    """Keep how large the residual of q is, which is in `x`, and by how much it differs from that at
-    the first node, where the flight `begins`."""
+    """Store the size of the residual of q, given in `x`, and its deviation from that at the first
+    node, where the flight `begins`."""
     n = len(a.x)
     first = len(form.c2) - n
     for k in range(s.exponents):
@@ -151,8 +151,8 @@ def passed(one: complex, other: complex, h: float) -> float:
 
 @compiled()
 def put_bounds(a: FlightAudit, form: ClosedForms, s: Stretch) -> None:
-    """Put by how much the end of a flight may be off into `bound`: what its residual makes in it,
-    and, where this is averaged out, in the time of a Taylor step."""
+    """Bound the error at the end of a flight in `bound`: the effect of its residual, over the
+    flight or, if the residual averages out, over a Taylor step."""
     n = len(a.bound)
     first = len(form.c2) - n
     for r in range(n):

@@ -173,8 +173,8 @@ def audit_flight(
     i: int,
     accounts: Accounts,
 ) -> int:
-    """Check the i-th step as a whole, and measure it: CHECKED, or UNRESOLVED where a largest force
-    is not found; REQUIRED if it is not clear beyond doubt, and nothing is added up.
+    """Check and measure the i-th step as a whole: CHECKED; UNRESOLVED if a largest force is not
+    found; DOUBTED, without contributions to the accounts, if no clear decision is possible.
 
     Parameters
     ----------
@@ -329,8 +329,8 @@ def is_flown(
     i: int,
     tally: Tally,
 ) -> bool:
-    """Whether a candidate obeys the equations, and leads to the end of the step; by how much it may
-    be off is left in `bound`.
+    """Whether a candidate satisfies the equations, and leads to the end of the step; its error
+    bound is left in `bound`.
 
     Parameters
     ----------
@@ -504,7 +504,7 @@ def sum_in_work(a: FlightAudit, form: ClosedForms, s: Stretch) -> ModalSum:
 def obeys(
     rows: Rows, mag: Array, a: FlightAudit, form: ClosedForms, s: Stretch, at: Instant, tally: Tally
 ) -> bool:
-    """Whether the law holds on a part of a flight, but for what is negligible, which is kept.
+    """Whether the law holds on a part of a flight, up to negligible violations, which are recorded.
 
     Parameters
     ----------
@@ -556,8 +556,8 @@ def obeys(
 def add_contacts(
     rows: Rows, mag: Array, a: FlightAudit, form: ClosedForms, s: Stretch, sums: Sums
 ) -> bool:
-    """Add what a part of a flight amounts to: extremes, largest forces, impulses, and work but for
-    that of exponentials alone; False if not all extremes are found.
+    """Add the contributions of a part of a flight: extremes, largest forces, impulses, and work
+    except that of products of exponentials; False if not all extremes are found.
 
     Parameters
     ----------
