@@ -23,7 +23,7 @@ _Listener = TypeVar("_Listener", bound=Callable[..., None])
 
 
 class Show(Protocol):
-    """Takes the fraction that is done (None: nobody knows) and a few words."""
+    """Receives the completed fraction (None: unknown) and a short text."""
 
     def __call__(self, fraction: float | None, text: str = "") -> None: ...
 
@@ -142,7 +142,7 @@ class _Page:
         self.handle: Any = None
 
     def draw(self) -> None:
-        """The bars as they are, if that is due."""
+        """Draw the bars, if an update is due."""
         now = time.monotonic()
         if now < self.due:
             return
@@ -161,7 +161,7 @@ class _Page:
             self.handle.update(content, raw=True)
 
     def clear(self) -> None:
-        """Leave nothing."""
+        """Erase the bars."""
         if self.handle is not None:
             self.publish("", "")
 

@@ -143,7 +143,7 @@ class _WrittenOut(Expansion):
 
     def check_sampled(self, plain: System) -> None:
         """Reject a period, a delay or a quantum that does not depend on parameters alone, and a
-        period so long that no sample is ever taken."""
+        period longer than the time span."""
         span = self.system.span
         for where, text, _ in self.quotients:
             formula = plain.declaration.scope.parse(text, where)

@@ -135,9 +135,9 @@ def _bodies(equations: MotionEquations) -> Array:
 def _contacts(
     equations: MotionEquations, layout: Layout
 ) -> tuple[Array, int, Array, Array, Array, Array, Array, int]:
-    """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, what opens, and what does
-    not, with how many of these have mass."""
+    """Indices of contacts: their first directions, the number with mass, the first direction of the
+    contact of each direction, all directions of each contact with their offsets, contacts that
+    open, and those that do not, with the number of these with mass."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -212,8 +212,8 @@ def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
 
 
 def _coupling(layout: Layout) -> tuple[Array, Array, Array, Array]:
-    """The components of the linear problems, what they have as members, where each contact
-    is, and which of their directions change on the way."""
+    """Components of the linear problems, their members, the component of each contact, and the
+    directions that change with the state or time."""
     parts = list[tuple[int, ...]]()
     members = list[int]()
     homes = np.full((len(layout.u), 2), -1, np.int64)

@@ -228,8 +228,8 @@ def follow_all(
     max_events: int,
     workers: int,
 ) -> tuple[Lane, Array, BaseException | None]:
-    """Follow motions with the parameters of the rows of a table: where they are at their end,
-    outcome codes, and the KeyboardInterrupt or TimeUp that ended those that have not come there.
+    """Simulate motions with the parameters in the rows of a table: their final states, outcome
+    codes, and the KeyboardInterrupt or TimeUp that ended unfinished ones.
 
     The span is counted from the origin of the problem.
 

@@ -114,14 +114,14 @@ class Trajectory(Result):
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
 
     def _ends_of_tables(self) -> list[str]:
-        """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
-        for."""
+        """Tables whose argument is at or beyond an end where the motion ends, with that
+        argument."""
         equations = self.problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
         return ends_of_tables(equations.kinks, equations.speeds, values)
 
     def _jumps_at_the_end(self) -> list[str]:
-        """Jumps whose guards are zero at the end of the motion, as far as they are known."""
+        """Jumps whose guards are zero at the end of the motion, within their accuracy."""
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
         sizes = dict(zip(self.final, map(float, self._retraced.seen), strict=False)) | {
             "t": values["t"]
@@ -434,7 +434,7 @@ class Trajectory(Result):
         )
 
     def _attributes(self, name: str) -> dict[str, Any]:
-        """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
+        """Unit and meaning of a published quantity; for a mode, the meaning of its numbers."""
         contact = self._contact_of_mode.get(name)
         if contact is None:
             return quantity(self.system, name)

@@ -88,8 +88,8 @@ class Watch:
             self.late, self.owner = outer.late, outer.owner
 
     def ends(self, why: BaseException) -> bool:
-        """Whether the computation of this scope is what ends, and not one that it is a part of:
-        its own time is up, or the user has interrupted the outermost one."""
+        """Whether the computation of this scope ends, and not one that it is a part of: its time is
+        up, or the user has interrupted the outermost one."""
         return why.scope is self if isinstance(why, TimeUp) else not self.inner
 
 
@@ -167,7 +167,7 @@ class watching:
 
 @contextlib.contextmanager
 def limited(limit: float | None, what: str) -> Iterator[Watch]:
-    """A scope for what has no result unless it comes to its end.
+    """A scope for computations that have no result unless they are completed.
 
     Parameters
     ----------

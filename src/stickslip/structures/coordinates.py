@@ -20,7 +20,7 @@ from stickslip.symbolic.formulas import Indexed, is_finite
 
 @dataclass(frozen=True)
 class BySymbols(Indexed):
-    """The unknowns of a structure as symbols: what they are called.
+    """The unknowns of a structure as symbols.
 
     Attributes
     ----------
@@ -162,8 +162,8 @@ class InModes:
 def start_of(
     structures: Mapping[str, InModes], given: Mapping[str, float], section: str = "initial"
 ) -> dict[str, float]:
-    """Initial values of parts of the state, where some are given of unknowns: those of which
-    nothing is said are zero, if something is of their structure.
+    """Initial values of parts of the state, if some are given for unknowns: other unknowns of the
+    same structure are zero.
 
     Parameters
     ----------
@@ -198,7 +198,8 @@ def start_of(
 
 
 def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tuple[str, str, int]:
-    """``"d_"`` or nothing, the structure, and the index of the coordinate that an unknown is.
+    """``"d_"`` or an empty string, the structure, and the index of the coordinate that equals the
+    unknown.
 
     Raises
     ------

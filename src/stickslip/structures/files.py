@@ -23,7 +23,7 @@ _MOST_BYTES = 2_000_000_000  # of arrays in one text
 
 
 def packed_structure(structure: Structure) -> dict[str, Any]:
-    """A structure as data for a model file: names and rules as they are, arrays in one packed text.
+    """A structure as data for a model file: names and rules as text, arrays in one packed string.
 
     The modes are stored, too: computed on another machine they differ by rounding, and with them
     the coordinates.

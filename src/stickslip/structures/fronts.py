@@ -141,7 +141,7 @@ def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
 
 
 def _indefinite(full: Array, k: int) -> tuple[Array, Array]:
-    """Pivots of the first k unknowns of a front, and what is left of the others."""
+    """Pivots of the first k unknowns of a front, and the Schur complement for the others."""
     from scipy.linalg import ldl, solve_banded, solve_triangular
 
     lower, blocks, order = ldl(full[:k, :k], lower=True)

@@ -103,8 +103,8 @@ def vectors_of_largest(
 
 
 def _orthonormal(found: Array, basis: Array, mass: Any) -> Array:
-    """As many vectors of unit mass, orthogonal to those of the basis: combinations of what was
-    found, and any others where these depend on each other."""
+    """As many vectors of unit mass, orthogonal to the basis: combinations of the given ones,
+    completed by arbitrary ones if these are linearly dependent."""
     root = np.sqrt(mass.diagonal())[:, None]  # in these units no mass matrix is far from unity
     for _ in range(5):
         # QR first: vectors of very different lengths would make the Gram matrix singular.

@@ -61,7 +61,7 @@ def _bytes(count: float) -> str:
 
 
 def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
-    """A symmetric matrix of finite numbers, that nobody can change.
+    """A symmetric matrix of finite numbers, read-only.
 
     Parameters
     ----------

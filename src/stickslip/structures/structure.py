@@ -511,7 +511,7 @@ def _some(texts: Sequence[str]) -> str:
 
 
 def _indices(names: Any) -> dict[str, int]:
-    """Names with their indices; what is wrong with them is said once sizes are known."""
+    """Names with their indices, not yet checked against sizes."""
     if isinstance(names, Mapping):
         return dict(names)
     listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else []

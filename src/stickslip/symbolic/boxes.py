@@ -123,8 +123,8 @@ def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) ->
 
 
 class Chord(NamedTuple):
-    """An array that varies, on m stretches: its values at both ends, and how far it is from the
-    line between them.
+    """An array that varies on m intervals: its values at both ends, and bounds of its deviation
+    from linear interpolation.
 
     All of shape (m, ...).
     """

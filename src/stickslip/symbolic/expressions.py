@@ -130,7 +130,8 @@ class Expr:
         return to_text(self)
 
     def __reduce__(self) -> tuple[Callable[..., Expr], tuple[object, ...]]:
-        """A copy, or what another process reads, is the one object that equal expressions are."""
+        """Copies, and objects that another process reads, are the unique object of equal
+        expressions."""
         return _node, (self.op, self.value, self.args, self.terms)
 
 
@@ -220,7 +221,7 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
 
 def _into_branches(constant: float, terms: Mapping[Expr, float], kept: Terms) -> Expr | None:
     """A sum in which terms cancel in a branch of a select, as in u − clip(u, −2, 2): these terms
-    belong to the branches, so that nothing is left of them there, not even rounding errors."""
+    are moved into the branches, where they cancel exactly, without rounding errors."""
     for e, c in kept:
         if e.op == "select":
             gone = {
@@ -498,13 +499,13 @@ def at(body: Expr, argument: Expr) -> Expr:
 
 
 def has_pieces(e: Expr) -> bool:
-    """Whether a node is more than its derivatives tell: it has branches or jumps."""
+    """Whether a node has branches or jumps, which derivatives do not show."""
     return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].jumps)
 
 
 def bends(e: Expr, names: Iterable[str]) -> bool:
-    """Whether an expression has branches or jumps in some names, of which a derivative that is
-    constant says nothing."""
+    """Whether an expression has branches or jumps in some names, which a constant derivative does
+    not show."""
     names = frozenset(names)
     return any(has_pieces(n) and n.symbols & names for n in walk([e]))
 
@@ -678,8 +679,8 @@ def inside(e: Expr, known: Mapping[Expr, float]) -> float:
 
 
 def wrapped_parts(e: Expr) -> Terms | None:
-    """The terms of an argument of which whole periods may be left out one by one: of what is only
-    the argument without its periods, so that these take no digits of it."""
+    """Terms of an argument from which whole periods may be removed separately, if the argument
+    occurs only without its periods, so that these cost no digits."""
     if e.op not in FUNCTIONS or e.args[0].op != "sum":
         return None
     row = FUNCTIONS[e.op]

@@ -117,23 +117,23 @@ class Function:
 
     @property
     def jumps(self) -> bool:
-        """Whether its derivative does not say all of how it changes."""
+        """Whether it changes in ways that its derivative does not show."""
         return self.poles is not None
 
     @property
     def unit(self) -> tuple[str, int]:
-        """Unit of the values, if they are tabulated, and the power of the unit of the argument
-        besides; of any other function nothing is known."""
+        """Unit of the values, if they are tabulated, and the power of the unit of the argument in
+        it; empty for other functions."""
         return "", 0
 
     @property
     def tabulated(self) -> bool:
-        """Whether its values were measured, and may be in any unit, of what is in any unit."""
+        """Whether its values are data, so that values and argument may have any units."""
         return False
 
     @property
     def sampled(self) -> bool:
-        """Whether it says in which piece of a table a place is."""
+        """Whether it reports in which piece of a table a place is."""
         return False
 
     @property
@@ -143,7 +143,7 @@ class Function:
 
     @property
     def kinked(self) -> bool:
-        """Whether it says so of a function with kinks in between."""
+        """Whether it reports the piece of a function with kinks in between."""
         return False
 
     def joins(self, above: Expr, below: Expr) -> bool:
@@ -165,8 +165,8 @@ class Function:
         return self.value(x)
 
     def ieee(self, x: float) -> float:
-        """The value, with what it comes to in place of an overflow or at the end of the domain, and
-        NaN where it is undefined: what has poles or repeats comes to nothing."""
+        """The value, with its limit in place of an overflow or at the end of the domain, and NaN
+        where it is undefined; functions with poles or periods have no limit."""
         try:
             return self.value(x)
         except OverflowError:
@@ -230,7 +230,7 @@ class Function:
 
     @cached_property
     def shown_slope(self) -> Expr:
-        """The derivative, as it is shown and enclosed."""
+        """The derivative in the form that is printed and enclosed."""
         return self._read(self.shown) if self.shown else self.slope
 
     @cached_property

@@ -209,7 +209,7 @@ class Tape:
         return self._known[e]
 
     def row(self, e: Expr) -> int:
-        """Make the expression available as a row of its own."""
+        """Make the expression available as a separate row."""
         scaled = self.lower(e)
         if scaled.row is not None and scaled.factor is ex.ONE:
             return scaled.row

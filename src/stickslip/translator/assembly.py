@@ -16,7 +16,8 @@ FASTCC = " fastcc"
 
 
 class WrongType(TypeError):
-    """An operand of another type than an instruction takes: a mistake in what writes assembly."""
+    """An operand has a type that the instruction does not accept; an internal error of the code
+    that writes assembly."""
 
 
 class Register(NamedTuple):

@@ -156,7 +156,7 @@ class Function(Values, ast.NodeVisitor):
                 self.visit(statement)
 
     def generic_visit(self, node: ast.AST) -> Any:
-        """Reject what is not in the language."""
+        """Reject nodes that are not in the language."""
         self.here = node if hasattr(node, "lineno") else self.here
         remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")
         self.refuse(f"{type(node).__name__} is not in the language", remedy)
@@ -280,7 +280,7 @@ class Function(Values, ast.NodeVisitor):
             self.assigned = frozenset.intersection(*self.ways[label])
 
     def branch(self, test: ast.expr, yes: str, no: str) -> None:
-        """Go one of two ways; what decides nothing is not looked at."""
+        """Branch on a condition; constant conditions are resolved without a branch."""
         self.here = test
         if self.ended:
             return
@@ -501,7 +501,7 @@ class Function(Values, ast.NodeVisitor):
         return self.visit_IfExp(ast.IfExp(node, ast.Constant(True), ast.Constant(False)))
 
     def type_of(self, node: ast.expr) -> Type:
-        """The type of an expression, of which nothing is written."""
+        """The type of an expression, without writing code for it."""
         kept = len(self.lines), len(self.slots), self.block, self.ended
         type_ = self.plain(self.visit(node)).type
         del self.lines[kept[0] :], self.slots[kept[1] :]
@@ -620,7 +620,7 @@ class Function(Values, ast.NodeVisitor):
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 
     def runtime(self, name: str, *given: Value) -> Value:
-        """Call what an operator means where LLVM has no instruction for it."""
+        """Call the function of an operator for which LLVM has no instruction."""
         return self.call_compiled(getattr(calls, name), list(given))
 
     def table(self, array: Any) -> Value:

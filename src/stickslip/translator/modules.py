@@ -159,7 +159,7 @@ class Program:
         return found
 
     def _enter(self, function: Compiled, is_thread: bool = False) -> None:
-        """Write what Python calls, or what a GPU runs in each of its threads."""
+        """Write the entry point that Python calls, or that each thread of a GPU runs."""
         callee, work = self._definition_of(function), Values()
         name, kind, parameters = f"entry.{function.symbol}", "", [(POINTER, "%words")]
         types, last = callee.arguments, list[Register]()
@@ -207,14 +207,14 @@ class Program:
         return self._joined([*lines, *(self._functions[x].declaration for x in sorted(declared))])
 
     def _joined(self, lines: list[str]) -> str:
-        """Functions with what they need."""
+        """Functions with their dependencies."""
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [_table_line(*x) for x in self._tables.values() if f"{x[0]}," in text]
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
     def _length(self, name: str) -> int:
-        """Lines of a function and of what is inlined into it."""
+        """Lines of a function, including inlined ones."""
         function = self._functions[name]
         inside = [x for x in function.called if self._functions[x].function.inline]
         return function.body.count("\n") + sum(map(self._length, inside))
@@ -251,7 +251,7 @@ def _number_of_thread(work: Values) -> Register:
 
 
 def _from_words(types: Sequence[Type], offset: int = 0) -> list[Value]:
-    """Arguments that stand at an address as words."""
+    """Arguments stored at an address as words."""
     given = list[Value]()
     for type_ in types:
         given.append(Value(type_, _WORDS, offset))
@@ -262,7 +262,7 @@ def _from_words(types: Sequence[Type], offset: int = 0) -> list[Value]:
 def _finish(
     work: Values, callee: str, result: Any, given: Sequence[Register], convention: str = ""
 ) -> str:
-    """Call a function and return what it returns, as C does: LLVM's type of that.
+    """Call a function and return its result by C's calling convention; returns LLVM's type of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Types and values of the language, and what is done with values.
+"""Types and values of the language, and operations on values.
 
 A number, an array (its address and lengths) and the address of a function are in a register, or
 still in memory; a tuple is a list of values, or stands in memory. There everything is a sequence of
@@ -30,7 +30,7 @@ from stickslip.translator.assembly import (
 
 
 class Refusal(Exception):
-    """Something that is not in the language: where it stands, what it is, and what to do."""
+    """A construct that is not in the language: its place, a description, and the remedy."""
 
 
 # -- types -----------------------------------------------------------------------------------------
@@ -39,7 +39,7 @@ class Refusal(Exception):
 
 
 class Scalar(NamedTuple):
-    """A number, nothing, or an object that only Python knows."""
+    """A number, None, or an opaque Python object."""
 
     name: str
     llvm: str
@@ -50,8 +50,8 @@ class Scalar(NamedTuple):
 
 
 class ArrayType(NamedTuple):
-    """An array in C order: the type of its entries, as NumPy writes it, its number of axes, and
-    whether it is a constant, so that nothing may write to it."""
+    """An array in C order: the NumPy type of its entries, its number of axes, and whether it is a
+    constant and therefore read-only."""
 
     entries: str
     axes: int
@@ -135,7 +135,7 @@ NOTES |= {name: note.replace("8", name[1], 1) for name, note in NOTES.items() if
 
 
 def declared_type(hint: Any) -> Type:
-    """The type that an annotation stands for.
+    """The type denoted by an annotation.
 
     Raises
     ------
@@ -310,7 +310,7 @@ class Values(Assembly):
     """Fast-math flags of its arithmetic."""
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
-        """Reject what is being translated."""
+        """Reject the current construct."""
         raise Refusal(f"{what}. {remedy}")
 
     def refuse_later(self, what: str, remedy: str) -> None:
@@ -318,7 +318,7 @@ class Values(Assembly):
         self.refuse(what, remedy)
 
     def runtime(self, name: str, *given: Value) -> Value:
-        """Call what an operator means where LLVM has no instruction for it."""
+        """Call the function of an operator for which LLVM has no instruction."""
         raise NotImplementedError
 
     def table(self, array: Any) -> Value:
@@ -435,7 +435,7 @@ class Values(Assembly):
         return Value(value.type, address, 0)
 
     def put(self, value: Value, base: Register, offset: int = 0) -> None:
-        """Write a value to memory, so many words behind an address."""
+        """Write a value to memory, at an offset in words from an address."""
         if value.parts is not None:
             for part in value.parts:
                 self.put(part, base, offset)
@@ -543,7 +543,7 @@ class Values(Assembly):
         return self.new(REAL, f"fneg{self.flags} {x.typed}")
 
     def truncated(self, x: Value) -> Value:
-        """A real number without what is behind the point, as a whole one."""
+        """A real number as an integer, without its fractional part."""
         return Value(INT, self.outside(WHOLE, "llvm.fptosi.sat.i64.f64", x.register))
 
     def binary(self, operation: str, a: Value, b: Value) -> Value:

@@ -60,8 +60,7 @@ class Surface:
     terms: int
 
     def bounds(self, x: Interval, y: Interval) -> Interval:
-        """Least and largest value of a derivative between two places, over the pieces themselves
-        without their continuations; also for arrays of places."""
+        """Least and largest value in a box; also for arrays of boxes."""
         ends = [np.broadcast_arrays(*(np.asarray(end, float) for end in a)) for a in (x, y)]
         shape = np.broadcast_shapes(*(np.shape(a[0]) for a in ends))
         found = np.empty((2, *shape))
@@ -266,7 +265,7 @@ class PiecewisePolynomial:
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
         """Least and largest value of a derivative between two places, over the pieces themselves
-        and not what is beyond them; of arrays of such, too."""
+        without their continuations; also for arrays of places."""
         low, high = (np.asarray(end, float) for end in a)
         pairs = zip(low.flat, high.flat, strict=True)
         ends = [self._bounds_between(float(x), float(y), side, order) for x, y in pairs]

@@ -511,7 +511,7 @@ class WrongRow(DeclarationError):
         self.column = column
 
     def in_file(self, file: str, row: int, names: tuple[str, str]) -> DeclarationError:
-        """An error with the name of the file."""
+        """The error with the file, the line and the column."""
         place = f"{file}, line {row}, column '{short(names[self.column])}'"
         return DeclarationError(place, self.reason, self.remedy)
 

@@ -39,7 +39,7 @@ class Sampling(NamedTuple):
 
     @property
     def since(self) -> str:
-        """Time since one of its own."""
+        """Time since the last sample."""
         return f"(t - ({self.offset}))/({self.period})"
 
 

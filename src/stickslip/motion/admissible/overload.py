@@ -297,8 +297,8 @@ def descent(flow: Flow, rank: int) -> float:
 
 @compiled(brief=True)
 def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
-    """q·w/Σ s |Gw| for what the body might do; far away, for the mechanism that it tends to, which
-    does not move at all the contacts that stay far behind. It is kept.
+    """q·w/Σ s |Gw| for a possible velocity w of the body; for large w, for the mechanism that w
+    approaches, in which contacts that lag far behind do not move. It is stored.
 
     Parameters
     ----------

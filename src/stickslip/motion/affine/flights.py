@@ -158,8 +158,8 @@ def leading_terms(
     last: float,
     settled: Array,
 ) -> int:
-    """First guard that becomes negative immediately, or −1; the order of the first nonzero
-    derivative of each guard is left in the work space.
+    """First guard that becomes negative immediately, or −1; the order of the leading Taylor term of
+    each guard is left in the work space.
 
     Parameters
     ----------

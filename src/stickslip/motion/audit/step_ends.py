@@ -233,7 +233,7 @@ def count_jumps(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Count the work of a load that jumps at a time as supplied energy, also on contacts at rest.
+    """Count the change of energy at a jump of a time-dependent load as supplied energy.
 
     Parameters
     ----------

@@ -142,8 +142,8 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
 
 @compiled()
 def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
-    """Disc of a rate v that solves G(v) = 0; False if what is behind its row has to be followed
-    once more.
+    """Disc of a rate v that solves G(v) = 0; False if the instructions after its row have to be
+    evaluated again.
 
     In the first pass v is fixed, and G deviates by at most g. While v is in a disc of radius B, G′
     is in a disc, too, all of whose points are at least d from zero, and so is their mean: v
@@ -250,7 +250,7 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
 
 @compiled()
 def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
-    """Discs of what depends on mode and region."""
+    """Discs of rows that depend on mode and region."""
     p = tape.program
     W = tape.W
     discs = tape.discs
@@ -278,7 +278,7 @@ def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
 
 @compiled()
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
-    """Disc of a multiple of a row (of a constant: nothing), or of a sum of two.
+    """Disc of a multiple of a row (zero for a constant), or of a sum of two.
 
     Parameters
     ----------

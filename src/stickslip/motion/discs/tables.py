@@ -65,7 +65,7 @@ def factor(p: Program, K: Array, i: int) -> float:
 
 @compiled()
 def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
-    """Keep the numbers of a row; what is no bound is infinite, or zero.
+    """Store the numbers of a row; NaN bounds become infinite, or zero.
 
     Parameters
     ----------

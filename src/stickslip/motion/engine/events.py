@@ -228,8 +228,8 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
 
 @compiled()
 def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: float) -> None:
-    """Put kinks onto the sides where their guards are after a jump: what it leaps over is not
-    crossed.
+    """Set the regions of kinks by their guards after a jump: the motion does not cross the kinks
+    over which it jumps.
 
     Parameters
     ----------

@@ -141,8 +141,8 @@ def decide(
     lane: Lane,
     several: bool,
 ) -> int:
-    """The mode that a motion takes now, by pivoting among closed forms: its slot, or UNDECIDED
-    where Taylor steps have to tell.
+    """Find the mode of the motion by pivoting among closed forms: its slot, or UNDECIDED if Taylor
+    steps have to decide.
 
     Parameters
     ----------

@@ -85,8 +85,8 @@ def approaching(
 
 @compiled()
 def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
-    """Give the gaps of a motion that has not begun a size: what its forces would open in a part of
-    its time. A gap that starts at zero has no size of its own."""
+    """Set the sizes of the gaps of a motion at its start: the opening that its forces would produce
+    in a fraction of its time span, since a gap that starts at zero has no size."""
     rows = flow.rows
     space = flow.space
     coefficients(machine, flow, here, 1, space.V)
@@ -163,7 +163,7 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
 
 @compiled()
 def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
-    """After an impact: put what its impulses hold exactly onto the surface.
+    """After an impact: put contacts that its impulses hold exactly onto the surface.
 
     What is left of those velocities are rounding errors of the jump, large beside their own terms:
     they would make a slip, or a flight, of their own.
@@ -184,8 +184,8 @@ def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
 
 @compiled()
 def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
-    """Whether a contact that has rebounded would come to rest, after infinitely many impacts, in a
-    time that cannot be resolved: 2 γ⁺/(|g̈| (1 − e)). Such contacts lose their restitution."""
+    """Whether a rebounding contact would come to rest, after infinitely many impacts, in a time
+    that cannot be resolved: 2 γ⁺/(|g̈| (1 − e)). Such contacts lose their restitution."""
     rows = flow.rows
     space = flow.space
     work = space.impact

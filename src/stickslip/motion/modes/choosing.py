@@ -176,8 +176,8 @@ def try_mode(
     slack: float,
     quiet: bool,
 ) -> tuple[int, int, float, float]:
-    """See whether the mode of which the series are in the work space is right, and take as much of
-    a step as hides nothing, or a longer one by a polynomial where the motion is stiff.
+    """Test whether the mode whose series are in the work space is consistent, and choose a step in
+    which nothing is missed, or a longer one by a polynomial if the motion is stiff.
 
     Parameters
     ----------
@@ -241,8 +241,8 @@ def try_mode(
 
 @compiled()
 def keep_rates(flow: Flow) -> None:
-    """Leave nothing but values and rates in the table of coefficients: in a step that is shorter
-    than what tells times apart, all else is lost in rounding."""
+    """Discard all coefficients except values and rates: in a step shorter than the resolution of
+    time, all others are lost in rounding."""
     W = flow.space.W
     for r in range(len(W)):
         for k in range(2, flow.order + 1):
@@ -254,8 +254,8 @@ def keep_rates(flow: Flow) -> None:
 
 @compiled()
 def concerned(rows: Rows, touched: Array, mode: Array, fired: int) -> int:
-    """Count the states of the switches that pivoting has questioned, of the one that has just
-    fired, and of what slides without mass."""
+    """Count the states of the switches that pivoting has flipped, of the one that has just fired,
+    and of contacts that slide without mass."""
     sizes = rows.sizes
     nk = sizes[KINKS]
     first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
@@ -337,8 +337,8 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
 def choose(
     rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array, breaks: int
 ) -> None:
-    """Put the switches concerned into the states that a number stands for; what does not stick is
-    at its threshold or has its sliding force, or is open.
+    """Set the switches concerned to the states with a number; contacts that do not stick are at
+    their threshold, have their sliding force, or are open.
 
     Parameters
     ----------

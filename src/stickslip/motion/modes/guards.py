@@ -84,8 +84,8 @@ class GuardRow(NamedTuple):
 
 @compiled(relaxed=RELAXED)
 def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> float:
-    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
-    the step.
+    """Bound Σ max(−cₖ, 0) hᵏ of the decrease of sign·W[row] + W[shift], which starts positive,
+    within the step.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
 def leading_term(
     W: Array, guard: GuardRow, N: int, powers: Array, slack: float, c: Array
 ) -> tuple[int, int]:
-    """Sign of a guard for small times, and the order that decides it.
+    """Sign of a guard for small times, and the order of its leading Taylor term.
 
     Its coefficients, scaled to the step, are left in c. A zero is known no better than the time at
     which it was found: relative to what the guard does in the steps on both sides.
@@ -187,8 +187,7 @@ def stands(rows: Rows, mode: Array) -> bool:
 
 @compiled()
 def extended_word(word: int, mode: Array, region: Array) -> int:
-    """A word, as a number, with one letter more: the mode of each contact and the region of each
-    kink.
+    """Append the mode of each contact and the region of each kink to a word, which is a number.
 
     Words that differ have different numbers but for chance (polynomials over a prime field).
     """
@@ -243,7 +242,7 @@ def stays(
 
 @compiled()
 def contact_of(guard: int, nk: int) -> int:
-    """The contact that a guard behind the kinks belongs to."""
+    """The contact of a guard that is not that of a kink."""
     return (guard - nk) // 2
 
 
@@ -268,7 +267,7 @@ def requirement_of(guard: int, nk: int, nc: int) -> int:
 
 @compiled()
 def switch_of(guard: int, nk: int, nc: int) -> int:
-    """The switch that a guard belongs to; −1 for what must not become negative."""
+    """The switch to which a guard belongs; −1 for rows that are required to be nonnegative."""
     if guard < nk:
         return guard
     return nk + contact_of(guard, nk) if requirement_of(guard, nk, nc) < 0 else -1
@@ -283,7 +282,7 @@ def may_collide(rows: Rows, cause: int) -> bool:
 
 @compiled()
 def is_active(rows: Rows, mode: Array, nk: int, g: int) -> bool:
-    """Whether a guard says anything in a mode."""
+    """Whether a guard restricts the motion in a mode."""
     if g < nk:
         return True
     d = requirement_of(g, nk, len(mode))
@@ -433,7 +432,7 @@ def just_fired(guard: GuardRow, late: float, turning: float, exact: bool) -> Gua
 
 @compiled()
 def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
-    """The contact, of what has mass and on a line, whose slip has just come to an end; or −1.
+    """The contact with mass, along a line, whose slip has just ended; or −1.
 
     It is its velocity that is zero by definition there; its force and its acceleration are known
     as well as any other.
@@ -585,8 +584,8 @@ def scan(
 
 @compiled()
 def counts_as_stick(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact slips that nothing but its velocity, which vanishes, could hold or let go:
-    it sticks."""
+    """Whether a slip counts as stick: the contact is prescribed, so that its zero velocity alone
+    could hold or release it."""
     return is_prescribed(rows, c) and mode[c] != 0
 
 
@@ -608,7 +607,7 @@ def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
 
 @compiled()
 def stands_for_all(rows: Rows, mode: Array, nk: int, g: int) -> bool:
-    """Whether a guard stands for all contacts that share their forces."""
+    """Whether a guard represents all contacts that share their forces."""
     return not is_second(g, nk) and is_first(rows, mode, contact_of(g, nk))
 
 

@@ -34,7 +34,7 @@ def resolvent(
     R: Array,
 ) -> bool:
     """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for the coordinates and contacts of one
-    component; what slips under a normal force has σμ in its column.
+    component; contacts that slip under a normal force have σμ in its column.
 
     Parameters
     ----------

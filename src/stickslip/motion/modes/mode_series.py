@@ -61,8 +61,8 @@ _LOOSER = 1e4  # tolerances by which rates at the end of a step may differ from 
 def make_series(
     machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
 ) -> tuple[int, float]:
-    """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
-    between two times that can be told apart, as they are recorded.
+    """Taylor coefficients in the current mode of a lane, and the step for which they are accurate,
+    between representable times.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def make_series(
 
 @compiled()
 def keep_rest(rows: Rows, y: Array, start: Array) -> None:
-    """Keep what has been put onto its constraints beside friction in a plane for the modes that are
-    tried next: a slip in a plane begins from rest, exactly.
+    """Keep velocities that were projected onto their constraints for the modes that are tried next:
+    a slip in a plane begins exactly from rest.
 
     Parameters
     ----------

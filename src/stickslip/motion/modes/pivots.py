@@ -142,8 +142,8 @@ def let_slide(mode: Array) -> bool:
 
 @compiled(brief=True)
 def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float) -> bool:
-    """Give each contact that does not stick the threshold while others carry it (±2), else its
-    sliding force (±1); what can open is carried only where it touches.
+    """Set each contact that does not stick to its threshold while others carry it (±2), else to its
+    sliding force (±1); a contact that can open is carried only where it touches.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
 @compiled()
 def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
     """Whether the direction of a contact that does not stick, and that others may hold at its
-    threshold, depends on the directions of what sticks.
+    threshold, depends linearly on the directions of sticking contacts.
 
     Parameters
     ----------

@@ -125,8 +125,8 @@ def settle(
 
 @compiled(brief=True)
 def part_that_begins(flow: Flow, lane: Lane, status: int) -> int:
-    """The component of which a contact begins to slip under a normal force, from rest, beside other
-    normal forces; or one for which no mode was found; negative if there is none.
+    """The component in which a contact begins to slip from rest under a normal force, with other
+    normal forces present; or one for which no mode was found; negative if there is none.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
 
 @compiled(brief=True)
 def has_no_velocity(flow: Flow, lane: Lane, c: int) -> bool:
-    """Whether a contact has no velocity, beside its terms and what forces make of it in a step; if
-    it is in a plane, none in either direction."""
+    """Whether the velocity of a contact is negligible relative to its terms, and to the effect of
+    forces in a step; in a plane, in both directions."""
     rows, space = flow.rows, flow.space
     for i in own_directions(rows, c):
         made = lane.clock[RECENT] * rate_terms(rows, space.mag, i)
@@ -185,8 +185,8 @@ def is_closed(flow: Flow, lane: Lane, n: int) -> bool:
 
 @compiled(brief=True)
 def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float) -> bool:
-    """Put what rests of a component into a mode of rest whose forces are admissible; False if there
-    is none.
+    """Set the resting contacts of a component to a mode of rest whose forces are admissible; False
+    if there is none.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
 
 @compiled(brief=True)
 def hold_still(flow: Flow, mode: Array, part: int) -> bool:
-    """Find forces that hold what rests, and their mode.
+    """Find forces that hold the resting contacts, and their mode.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
 
 @compiled(brief=True)
 def are_held(rows: Rows, space: Space, scale: float) -> bool:
-    """Whether forces of the cones hold what rests; they are left in the work space."""
+    """Whether admissible forces hold the resting contacts; they are left in the work space."""
     cones = space.cones
     fit_cones(rows, space, scale)
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -368,7 +368,7 @@ def put_wanted(rows: Rows, space: Space, part: int) -> float:
 
 @compiled(brief=True)
 def mode_of_force(rows: Rows, cones: Array, c: int) -> int:
-    """The mode of what rests with a force: stick, carried at a threshold, or open."""
+    """Mode of a resting contact with a given force: stick, carried at a threshold, or open."""
     force = cones[FORCE, c]
     if opens(rows, c):
         return 0 if force > 0.0 else 1

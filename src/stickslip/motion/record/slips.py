@@ -19,8 +19,8 @@ NODES_OF_STEP = 16
 
 
 def slipping_contacts(motion: Trajectory, numbers: list[int]) -> Array:
-    """Whether contacts, given by their numbers in the engine, slip from every knot on. What is open
-    says nothing."""
+    """Whether contacts, given by their numbers in the engine, slip after every knot. Open contacts
+    do not slip."""
     mode = motion.knots.slip
     equations = motion.problem.compiled.equations
     found = mode[:, numbers] != 0
@@ -58,8 +58,8 @@ def intervals_of_slip(slips: Array, clock: Array) -> Array:
 
 
 def slips_in(motion: Trajectory, runs: Array) -> Array:
-    """Slip of every contact in every event, shape (events, contacts): how far its sides have moved
-    past each other."""
+    """Slip of every contact in every event, shape (events, contacts): relative displacement of its
+    sides."""
     k, values = motion.knots, motion.parameters
     names = motion.system.declaration.state
     moved = k.state[runs[:, 1]] - k.state[runs[:, 0]]

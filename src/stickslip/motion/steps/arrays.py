@@ -528,8 +528,8 @@ def tape_of(flow: Flow, N: int) -> DiscTape:
 
 @compiled()
 def plain_coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
-    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; the
-    directions of slips in a plane that begin stay what they are there."""
+    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table;
+    directions of beginning slips in a plane keep their entries there."""
     s = flow.space
     return machine.jets(
         at.t, at.y, at.mode, at.reg, flow.k.K, s.Rq, s.Rz, order, table, s.A, s.B, s.mag

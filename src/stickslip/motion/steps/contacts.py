@@ -52,8 +52,7 @@ def own_directions(rows: Rows, c: int) -> Array:
 
 @compiled()
 def leads(rows: Rows, c: int) -> bool:
-    """Whether a direction is the first one of its contact: what is said of the contact is said of
-    it."""
+    """Whether a direction is the first one of its contact, whose entries hold for the contact."""
     return bool(rows.lead[c] == c)
 
 
@@ -99,7 +98,7 @@ def presses(rows: Rows, n: int, c: int) -> bool:
 
 @compiled(brief=True)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Give a contact a mode, which all its directions have; where they are several, a slip has no
+    """Set the mode of a contact for all its directions; with several directions a slip has no
     sign."""
     block = own_directions(rows, c)
     for i in block:

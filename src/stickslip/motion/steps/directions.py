@@ -142,7 +142,7 @@ def follow_directions(
 
 @compiled()
 def discard_directions(rows: Rows, discs: Array) -> None:
-    """Take back what :func:`follow_directions` has noted."""
+    """Undo :func:`follow_directions`."""
     for p in range(len(rows.planes)):
         discs[rows.planes[p, AIM], SLOPE] = 0.0
 

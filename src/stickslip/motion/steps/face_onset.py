@@ -375,7 +375,7 @@ def made_least(own: Array, root: float) -> float:
 
 @compiled(brief=True)
 def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
-    """A step of Newton's method for n and ρ in b − k D ∇R(n) = ρ n; how far it goes.
+    """A step of Newton's method for n and ρ in b − k D ∇R(n) = ρ n; returns its size.
 
     Parameters
     ----------
@@ -413,7 +413,8 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
 
 @compiled(brief=True)
 def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, rho: float) -> None:
-    """The equations of a change of n and of ρ: −k D ∇²R(n) − ρ and −n, and nothing along n.
+    """The equations of a change of n and of ρ, with the coefficients −k D ∇²R(n) − ρ and −n, and no
+    change along n.
 
     Parameters
     ----------
@@ -438,7 +439,7 @@ def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, 
 
 @compiled(brief=True)
 def aim_face_order(flow: Flow, p: int, m: int, lost: float) -> None:
-    """Order m of the direction of a face, and the order of |Au| that it tells.
+    """Order m of the direction of a face, and the order of |Au| that follows from it.
 
     Parameters
     ----------

@@ -66,8 +66,8 @@ _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
 @compiled(brief=True)
 def begin_together(flow: Flow) -> bool:
     """Whether several slips begin, all of them of contacts that may share forces, or one that
-    changes normal forces; or one that the others let move along a line only, so that friction does
-    not tell its direction."""
+    changes normal forces; or one whose motion the others restrict to a line, so that friction does
+    not determine its direction."""
     rows = flow.rows
     group = -1
     count = 0
@@ -87,7 +87,7 @@ def begin_together(flow: Flow) -> bool:
 @compiled(brief=True)
 def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float) -> None:
     """The matrix share·ZᵀÂ H Z, H the derivative of all directions u/√(|u|² + rounded²) by u, in
-    the work space; the directions themselves are left with what is solved for.
+    the work space; the directions themselves are left among the unknowns.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def rounded_off(
 @compiled(brief=True)
 def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """v₀, and β₀ unless it vanishes, of slips that begin together; returns the number of vectors of
-    Z. What does not begin has a β below zero.
+    Z. Contacts that do not begin to slip have a negative β.
 
     Parameters
     ----------
@@ -277,8 +277,8 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
 
 @compiled(brief=True)
 def place_face(flow: Flow, rank: int, way: Array) -> int:
-    """An orthonormal basis of the mechanisms whose directions are those of V, behind one of all
-    others; V is its first vector. Returns how many these others are.
+    """An orthonormal basis of the mechanisms with the directions of V, preceded by one of all
+    others; V is its first vector. Returns the number of the others.
 
     Parameters
     ----------
@@ -318,8 +318,8 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
 def refine_face(
     machine: Machine, flow: Flow, at: Instant, table: Array, rank: int, size: float
 ) -> bool:
-    """The directions of a face of mechanisms, exactly, if forces have just reached what they cannot
-    hold; False if not, or if there is one mechanism only.
+    """Refine the directions of a face of mechanisms to rounding errors, if forces have just reached
+    the limit; False if not, or if there is one mechanism only.
 
     Parameters
     ----------
@@ -525,7 +525,8 @@ def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
 
 @compiled(brief=True)
 def set_apart(flow: Flow, rank: int, m: int) -> None:
-    """Leave of order m of Au/tᵖ what the body cannot do at first, but as it turns, by β.
+    """Remove from order m of Au/tᵖ the component that is impossible for the body at first, and
+    possible as it rotates, in terms of β.
 
     Parameters
     ----------
@@ -566,7 +567,7 @@ def discard_orders(flow: Flow) -> None:
 
 @compiled(brief=True)
 def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
-    """Order m of V, and the order of β that it tells.
+    """Order m of V, and the order of β that follows from it.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def begins_in(flow: Flow, p: int) -> bool:
 
 @compiled(brief=True)
 def begins_flat(flow: Flow, p: int) -> bool:
-    """Whether one of them has two directions, so that an angle tells its slip."""
+    """Whether one of the contacts has two directions, so that its slip is given by an angle."""
     return begins_in(flow, p) and not is_face(flow.rows, p)
 
 
@@ -76,13 +76,13 @@ def aim_row(i: int) -> int:
 
 @compiled(brief=True)
 def rate_row(i: int) -> int:
-    """The row of Space.aims of a component of what the lower orders make of the rate."""
+    """The row of Space.aims of a component of the rate due to lower orders."""
     return BX + i if i < 2 else BZ
 
 
 @compiled()
 def place_aims(flow: Flow, table: Array, order: int) -> None:
-    """Put what is known of directions and speeds into a table."""
+    """Write the known directions and speeds to a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
@@ -98,7 +98,7 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
 
 @compiled()
 def place_speeds(flow: Flow, table: Array, order: int) -> None:
-    """Put |Au| = tᵖ ρ into a table, as far as it is known."""
+    """Write the known orders of |Au| = tᵖ ρ to a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
@@ -232,8 +232,8 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
 
 @compiled(brief=True)
 def span_rates(flow: Flow) -> int:
-    """An orthonormal basis of the velocities that a body can have, from what directions make of
-    them, as rows; returns how many there are."""
+    """An orthonormal basis, as rows, of the possible velocities of a body, from the responses to
+    directions; returns its rank."""
     rows = flow.rows
     answer, span = flow.space.answer, flow.space.span
     n = 2 * len(rows.planes)

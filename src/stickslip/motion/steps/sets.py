@@ -205,8 +205,7 @@ def gap_size(rows: Rows, space: Space, c: int) -> float:
 
 @compiled(brief=True)
 def store_gap_sizes(rows: Rows, space: Space, seen: Array) -> None:
-    """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
-    steps."""
+    """Store the largest gaps of a motion, from the sizes of the rows that bound its steps."""
     for c in rows.openings:
         for i in range(len(rows.watched)):
             if rows.watched[i] == rows.gaps[c]:
@@ -532,8 +531,8 @@ def holds_all(flow: Flow, c: int, radius: float, a: float, b: float) -> bool:
 
 @compiled(brief=True)
 def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float, y: float) -> float:
-    """The least part of the way (x, y) from a force (a, b) into the set of a contact, in which it
-    ends.
+    """Smallest fraction of the vector (x, y) that moves a force (a, b) into the set of a contact;
+    the whole vector does.
 
     Parameters
     ----------

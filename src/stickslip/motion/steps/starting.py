@@ -385,8 +385,8 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
 
 @compiled()
 def aim_first(flow: Flow) -> None:
-    """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, in turn
-    until nothing changes."""
+    """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, iterated
+    until they are constant."""
     aims = flow.space.aims
     answer = flow.space.answer
     planes = len(flow.rows.planes)
@@ -420,10 +420,10 @@ def aim_first(flow: Flow) -> None:
 
 @compiled()
 def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
-    """Directions at the beginning where friction changes the normal force that presses it: (Au)₁ is
-    no linear function of n₀, but has its direction, as before. All angles are looked through; of
-    several solutions that with the largest acceleration is taken. Each such plane has a component
-    of its own, so they do not depend on each other.
+    """Directions at the beginning if friction changes its own normal force: (Au)₁ is a nonlinear
+    function of n₀, and has its direction, as before. All angles are searched; of several solutions
+    that with the largest acceleration is selected. Each such plane is a separate component, so they
+    do not depend on each other.
 
     Higher orders are linear: what nₘ does to (Au)ₘ₊₁ is the derivative at n₀, which order 1 of
     n = n₀ + t shows exactly.
@@ -602,7 +602,7 @@ def moves_along_one(a: float, b: float, c: float, x: float, y: float, wide: floa
 
 @compiled()
 def aim_order(flow: Flow, m: int) -> None:
-    """Order m of the directions, and the order of |Au| that it tells.
+    """Order m of the directions, and the order of |Au| that follows from it.
 
     Parameters
     ----------

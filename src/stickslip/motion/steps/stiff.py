@@ -238,9 +238,9 @@ def follow_mode(
 
 @compiled()
 def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
-    """Whether a slip in a plane begins or ends with a step, and the series is good for all of it,
-    as it was when the motion was computed: finer steps would lead to the end only bit by bit, and
-    away from the beginning as slowly, since what decays there is fast while the slip is slow.
+    """Whether a slip in a plane begins or ends with a step, and the series is accurate in all of
+    it, as in the original computation. Shorter steps would approach the end only slowly, and leave
+    the beginning slowly, because decay is fast while the slip is slow.
 
     Parameters
     ----------
@@ -271,8 +271,8 @@ def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
 
 @compiled()
 def ends_there(h: float, left: float, base: float) -> bool:
-    """Whether a polynomial that is good for a time h is used up to the end of a step: what is left
-    behind it cannot be told from nothing.
+    """Whether a polynomial that is accurate for a time h is used up to the end of a step: the
+    remaining time cannot be resolved.
 
     Parameters
     ----------
