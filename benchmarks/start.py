@@ -205,19 +205,19 @@ def fresh_installations() -> list[str]:
 EDITS = {
     "an edit of a comment": ("motion/engine/event_loop.py", "\n# ", "\n# Really: "),
     "an edit of a constant of one file": (
-        "motion/steps/roots.py",
-        "_HALVINGS = 60",
-        "_HALVINGS = 61",
+        "motion/algebra/roots.py",
+        "_QUICK = 6",
+        "_QUICK = 7",
     ),
     "an edit of a function of one file": (
-        "motion/steps/roots.py",
+        "motion/algebra/roots.py",
         "        s = s * x + c[k]\n",
         "        s = c[k] + s * x\n",
     ),
     "an edit of a constant that many read": (
-        "motion/steps/arrays.py",
-        "ROUNDING = 64",
-        "ROUNDING = 65",
+        "numerics/levels.py",
+        "\nROUNDING = 64",
+        "\nROUNDING = 65",
     ),
 }
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import stickslip
 
 SOURCE = Path(stickslip.__file__).parent
-HOMES = ("motion/steps/sets.py", "motion/steps/arrays.py")
+HOMES = ("motion/steps/sets.py", "motion/steps/arrays.py", "motion/steps/contacts.py")
 """Where the questions live."""
 COLUMNS = frozenset({"plane", "gaps", "formula", "group", "alone", "states"})
 """Of `Rows`: what they have for a contact depends on its kind."""

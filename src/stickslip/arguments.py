@@ -77,7 +77,7 @@ def validated(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_fields(item: Any) -> None:
-    """Reject fields of a dataclass that are not what their annotations say.
+    """Reject fields of a dataclass that do not match their annotations.
 
     Raises
     ------

@@ -56,7 +56,7 @@ def checksums_of(
 
 
 def damaged(data: xarray.Dataset) -> list[str] | None:
-    """Names of what is damaged in a result that was read; None if it was stored without checksums.
+    """Names of the damaged parts of a stored result; None if it was stored without checksums.
 
     What another program has added is no damage.
     """
@@ -64,7 +64,7 @@ def damaged(data: xarray.Dataset) -> list[str] | None:
 
 
 def wrong_checksums(attributes: Mapping[Any, Any], arrays: Mapping[str, str]) -> list[str] | None:
-    """Names of what is not as the table says; None if there is no table and never was one.
+    """Names of the parts that do not match the table; None if there is no table and never was one.
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def _arrays(data: xarray.Dataset) -> dict[str, str]:
 
 
 def _listed(value: Any) -> list[Any]:
-    """An attribute as a list: files tell neither a list of one from that one, nor a list from an
-    array."""
+    """An attribute as a list, since files do not distinguish a list of one entry from the entry, or
+    a list from an array."""
     import numpy as np
 
     return np.ravel(np.asarray(value)).tolist()

@@ -40,7 +40,7 @@ class DeclarationError(StickslipError, ValueError):
 
 
 class ConvergenceError(StickslipError, RuntimeError):
-    """An iteration did not reach its tolerance; the message reports what was reached.
+    """An iteration did not reach its tolerance; the message reports the accuracy reached.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class MissingPackageError(StickslipError, ImportError):
 
 
 def need(package: str, extra: str) -> None:
-    """Reject to go on without a package that is not part of the core.
+    """Raise an error if an optional package is not installed.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ _trying: ContextVar[bool] = ContextVar("trying", default=False)
 
 @contextmanager
 def listing(accepts: Check) -> Generator[None]:
-    """Let messages list only names that an argument accepts, whatever is known of them deeper
-    down; the outermost argument counts.
+    """Restrict the names listed in messages to those that an argument accepts; the outermost
+    argument counts.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def headline(title: str, source: str = "") -> Html:
 
 
 def paragraph(content: str) -> Html:
-    """A text of its own."""
+    """A paragraph."""
     return Html(f"<p>{text(content)}</p>") if content else Html("")
 
 
@@ -51,7 +51,7 @@ def tabled(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> Html:
 
 
 def parameters(values: Mapping[str, float], declared: Mapping[str, Parameter]) -> Html:
-    """Values of parameters, with what is declared of them."""
+    """Values of parameters, with their declarations."""
     from stickslip.display.symbols import unicode_unit
 
     rows = []

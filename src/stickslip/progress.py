@@ -23,7 +23,7 @@ _Listener = TypeVar("_Listener", bound=Callable[..., None])
 
 
 class Show(Protocol):
-    """Takes the fraction that is done (None: nobody knows) and a few words."""
+    """Receives the completed fraction (None: unknown) and a short text."""
 
     def __call__(self, fraction: float | None, text: str = "") -> None: ...
 
@@ -147,7 +147,7 @@ class _Page:
         self.handle: Any = None
 
     def draw(self) -> None:
-        """The bars as they are, if that is due."""
+        """Draw the bars, if an update is due."""
         now = time.monotonic()
         if now < self.due:
             return
@@ -166,7 +166,7 @@ class _Page:
             self.handle.update(content, raw=True)
 
     def clear(self) -> None:
-        """Leave nothing."""
+        """Erase the bars."""
         if self.handle is not None:
             self.publish("", "")
 
@@ -193,7 +193,7 @@ def _in_cell(what: str) -> Iterator[Show]:
 
 
 def _bar(what: str, fraction: float | None, text: str, began: float, now: float) -> tuple[str, str]:
-    """One bar, as HTML and as text."""
+    """A progress bar, as HTML and as text."""
     seconds = f"{now - began:.0f} s"
     share = "" if fraction is None else f"{100.0 * fraction:.0f} %"
     said = ", ".join(part for part in (share, text, seconds) if part)

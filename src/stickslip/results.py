@@ -190,12 +190,12 @@ class Part:
         return Part(lambda own: self.write(own[0]), lambda *text: [self.read(*text)], (field,))
 
     def written(self, name: str, result: Result) -> Any:
-        """What is written of a result under the name of the part."""
+        """Content of the part of a result with this name, as written to a file."""
         values = [getattr(result, field) for field in self.fields]
         return self.write(values if self.fields else getattr(result, name))
 
     def fields_of(self, name: str, text: str, where: str) -> dict[str, Any]:
-        """The fields of a result, from what was written under the name of the part."""
+        """Fields of a result from the stored content of the part with this name."""
         value = self.read(text, where)
         return dict(zip(self.fields, value, strict=True)) if self.fields else {name: value}
 
@@ -233,7 +233,7 @@ class Result:
 
     @property
     def _said(self) -> Described:
-        """The result itself, typed as what every kind implements."""
+        """The result itself, typed by the interface of all kinds."""
         return cast(Described, self)
 
     @validated
@@ -441,7 +441,7 @@ def shortened(rows: list[tuple[str, str]], most: int = _SHOWN) -> list[tuple[str
 
 
 def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
-    """A certificate as it was stored: lists were tuples."""
+    """A stored certificate, with tuples for lists."""
     residuals = restored_residuals(entry["residuals"])
     spans = tuple((start, end) for start, end in entry["unverified"])
     return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))

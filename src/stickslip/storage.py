@@ -80,7 +80,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def _reason(path: Path, error: Exception) -> str:
-    """Why a file cannot be written; of a full disk HDF5 says *permission denied*."""
+    """Reason why a file cannot be written; for a full disk HDF5 reports *permission denied*."""
     with suppress(OSError):
         if disk_usage(path.parent).free < 2**16:
             return os.strerror(errno.ENOSPC)
@@ -88,7 +88,7 @@ def _reason(path: Path, error: Exception) -> str:
 
 
 def as_texts(parts: Mapping[str, Any]) -> dict[str, str]:
-    """Texts as they are, and all other data as JSON."""
+    """Texts unchanged, and all other data as JSON."""
     return {k: part if isinstance(part, str) else json.dumps(part) for k, part in parts.items()}
 
 
@@ -96,8 +96,8 @@ def as_texts(parts: Mapping[str, Any]) -> dict[str, str]:
 def reading(
     path: str | Path, kind: str, form: int
 ) -> Iterator[tuple[xarray.Dataset, dict[str, str]]]:
-    """The data of a stored result and its parts, as texts; what does not fit inside the block is
-    said of the file.
+    """The data of a stored result and its parts, as texts; errors in the block are reported for the
+    file.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def reading(
 
 
 def unchecked(path: Path) -> None:
-    """Say that nobody can know whether a result is as it was written."""
+    """Warn that the integrity of a result cannot be checked."""
     text = f"{path}: stored without checksums, by an older version: damage cannot be detected"
     warnings.warn(text, stacklevel=2)
 

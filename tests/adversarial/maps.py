@@ -517,7 +517,7 @@ def measured(case: Case) -> dict[str, Any]:
 
 def judge(case: Case) -> Verdict:
     """Measure the point, and hold what is certified against brute force."""
-    from stickslip.sweeps.request.measures import LACKING
+    from stickslip.sweeps.request.measures import MISSING
 
     try:
         found = measured(case)
@@ -535,7 +535,7 @@ def judge(case: Case) -> Verdict:
             {"excess": found["excess"], "expected": case.excess},
         )
     settled = settle(case.brute, case.start, case.mode, case.span, case.late)
-    lacking = LACKING[found["lacking"]]
+    lacking = MISSING[found["lacking"]]
     numbers = found | {"settles": settled._asdict() if settled is not None else None}
     if lacking == "result":
         return Verdict(REFUSED, outcome.label, numbers)

@@ -54,7 +54,7 @@ PROVED = {
 @pytest.mark.parametrize("text", PROVED)
 def test_what_is_proved(text: str) -> None:
     formula = checked(text)
-    assert formula.proved, formula.said
+    assert formula.proved, formula.evidence
     assert formula.convex == PROVED[text]
     assert formula.homogeneous == "by its form"
 
@@ -102,7 +102,7 @@ def test_what_is_too_narrow_to_see_is_not_proved() -> None:
     formula = checked(f"sqrt(v1**2 + v2**2) + {bump}")
     assert not formula.convex
     assert not formula.proved
-    assert re.search(r"convex as sampled in \d+ directions", formula.said)
+    assert re.search(r"convex as sampled in \d+ directions", formula.evidence)
     # It is indeed not convex.
     angles = np.linspace(0.0, np.pi / 2, 200_001)
     v = np.array([np.cos(angles), np.sin(angles)])

@@ -14,7 +14,7 @@ from stickslip.equations.coupling import Component, components
 from stickslip.errors import DeclarationError
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import pose
-from stickslip.motion.steps.arrays import own_inverse
+from stickslip.motion.steps.contacts import own_inverse
 
 PAIRS = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=12)
 DIRECTIONS = st.lists(st.lists(st.integers(0, 9), min_size=1, max_size=3), max_size=6)

@@ -122,10 +122,10 @@ def inertial(force: str, drag: str = "0") -> dict[str, object]:
     ],
 )
 def test_what_is_in_doubt(changes: dict[str, object], where: str, says: str) -> None:
-    doubts = block(**changes).doubts
-    assert doubts and doubts[0].startswith(f"{where}: "), doubts
-    assert any(part in doubts[0] for part in says.split("|")), doubts
-    assert len(doubts) == 1, doubts
+    conflicts = block(**changes).unit_conflicts
+    assert conflicts and conflicts[0].startswith(f"{where}: "), conflicts
+    assert any(part in conflicts[0] for part in says.split("|")), conflicts
+    assert len(conflicts) == 1, conflicts
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_what_is_in_doubt(changes: dict[str, object], where: str, says: str) -> 
     ],
 )
 def test_what_is_not(changes: dict[str, object]) -> None:
-    assert block(**changes).doubts == []
+    assert block(**changes).unit_conflicts == []
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_what_is_not(changes: dict[str, object]) -> None:
 )
 def test_nothing_published_is_in_doubt(name: str) -> None:
     system = ss.load(name) if name.endswith(".toml") else ss.catalogue.get(name)
-    assert system.doubts == []
+    assert system.unit_conflicts == []
 
 
 # -- units that parse ------------------------------------------------------------------------------
@@ -251,21 +251,22 @@ def shaken(
 )
 def test_samples_have_a_unit(unit: str, said: list[str]) -> None:
     """As far as it is declared it is compared, whatever else is not."""
-    assert shaken(unit).doubts == said
+    assert shaken(unit).unit_conflicts == said
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_rates_of_samples_and_integrals_of_tables_have_units() -> None:
     inertia = {"force": "-m*d_w"}
-    assert shaken("m/s", "k*x**2/2", **inertia).doubts == ["outputs.y: w is in m/s, but x is in m"]
-    (said,) = shaken("m", "k*x**2/2", **inertia).doubts
+    found = shaken("m/s", "k*x**2/2", **inertia).unit_conflicts
+    assert found == ["outputs.y: w is in m/s, but x is in m"]
+    (said,) = shaken("m", "k*x**2/2", **inertia).unit_conflicts
     assert said.startswith("coordinates.x.force: -d_w*m is in m*kg/s,")
-    assert shaken(potential="integral_F(x) + k*x**2/2", table="N").doubts == []
-    (said,) = shaken(potential="integral_F(x) + k*x**2/2", table="mm").doubts
+    assert shaken(potential="integral_F(x) + k*x**2/2", table="N").unit_conflicts == []
+    (said,) = shaken(potential="integral_F(x) + k*x**2/2", table="mm").unit_conflicts
     assert said.startswith("potential: integral_F(x) is in mm*m,")
     for name in ("F(x)", "G(x, d_x)", "d_F(x)*x"):
-        assert shaken("m", force=f"-{name}", table="N").doubts == []
-        assert shaken("m", force=f"-{name}", table="J").doubts != []
+        assert shaken("m", force=f"-{name}", table="N").unit_conflicts == []
+        assert shaken("m", force=f"-{name}", table="J").unit_conflicts != []
     units = {n: quantity(shaken("m", table="N"), n)["units"] for n in ("y", "rate", "pull", "both")}
     assert units == {"y": "m", "rate": "m/s", "pull": "N", "both": "N"}
 
@@ -337,4 +338,4 @@ def test_plain_numbers_as_parameters_of_laws_are_not_in_doubt(name: str) -> None
             contacts={"c": law("d_x", **{**numbers, chosen: chosen})},
             time_unit="s",
         )
-        assert system.doubts == []
+        assert system.unit_conflicts == []

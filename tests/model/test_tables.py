@@ -347,7 +347,7 @@ def test_the_unit_is_anybodys() -> None:
         potential="k/2*x**2 + a*integral_F(x + a)",
         time_unit="s",
     )
-    assert system.doubts == []
+    assert system.unit_conflicts == []
 
 
 def test_at_the_command_line(tmp_path: Path) -> None:

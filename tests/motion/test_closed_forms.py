@@ -16,11 +16,11 @@ import stickslip as ss
 from stickslip.arrays import Array, IntMatrix, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.closed_forms import make_form
-from stickslip.motion.affine.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.affine.forms import AFFINE, SMOOTH, ClosedForms, Flight
 from stickslip.motion.affine.kept_modes import USED
 from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.motion.affine.signals import rough_acos
+from stickslip.motion.algebra.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import Constants, FlowOfMany, Machine
 from stickslip.sweeps.work.device import desk_for

@@ -17,7 +17,7 @@ import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.motion.affine.forms import ClosedForms
 from stickslip.motion.audit.accounts import Accounts, make_accounts
-from stickslip.motion.audit.flights.aloft import make_aloft
+from stickslip.motion.audit.flights.arrays import make_flight_audit
 from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
 from stickslip.motion.audit.step_balance import audit_steps
 from stickslip.motion.problem import pose
@@ -73,11 +73,11 @@ def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None)
     p = m.problem
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     forms = p.closed_forms if forms is None else forms
-    aloft = make_aloft(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
+    flights = make_flight_audit(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
     audit_motion(
-        p.machine, p.flow(retracing=True), aloft, m._retraced.seen, *halves(knots), accounts
+        p.machine, p.flow(retracing=True), flights, m._retraced.seen, *halves(knots), accounts
     )
-    return Followed(accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES]))
+    return Followed(accounts, int(flights.checked[WHOLE]), int(flights.checked[WITHOUT_EXTREMES]))
 
 
 def piece_by_piece(m: ss.Trajectory, knots: Knots) -> Accounts:

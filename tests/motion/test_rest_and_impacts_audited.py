@@ -317,7 +317,7 @@ def test_impacts_of_many_feet() -> None:
         start["th"] = rng.uniform(-0.2, 0.2) * (rng.random() < 0.3)
         motion = ss.simulate(systems[feet, e], parameters=values, initial=start)
         assert motion.outcome.ok and motion.certificate.ok, motion.certificate.verdict
-        first = int(motion._strikes[0])
+        first = int(motion._impacts[0])
         state = motion.knots.state.copy()
         rates = slice(state.shape[1] // 2, None)
         state[first, rates] += 1e-7 * rng.choice([-1.0, 1.0], 3)

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from stickslip.motion.steps.roots import MAX_DEGREE, NONE, first_crossing, value_and_slope
+from stickslip.motion.algebra.roots import MAX_DEGREE, NONE, first_crossing, value_and_slope
 from stickslip.motion.steps.step_size import fill_powers
 
 # The first call compiles.

@@ -343,7 +343,7 @@ def test_what_is_not_proved_is_said(tmp_path: Path) -> None:
     problem = ss.Evolution(np.eye(2), ["3*sin(t)", "2*t"], psi, [0.0, 0.0], span=(0.0, 2.0))
     for posed in (problem, problem.averaged()):
         history = ss.evolve(posed, steps=4)
-        assert f"dissipation {psi.convex.said}" in history.certificate.notes
+        assert f"dissipation {psi.convex.evidence}" in history.certificate.notes
         assert np.allclose(history.dataset["residual"], 0.0, atol=1e-11)
     history.save(tmp_path / "doubt.nc")
     assert psi.doubt in ss.open(tmp_path / "doubt.nc").certificate.notes

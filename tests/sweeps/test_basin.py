@@ -238,8 +238,8 @@ def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) ->
     def once(work: Work, columns: dict[str, np.ndarray], runs: None = None) -> object:
         if columns["psi"][0] > 0.0 or columns["d_psi"][0] > 0.0:
             raise Stopped
-        scope().wish[0] = 1
-        with watching(wish=np.zeros(1, np.int64)):
+        scope().interrupt[0] = 1
+        with watching(interrupt=np.zeros(1, np.int64)):
             return computed(work, columns)  # what is under way when Ctrl-C comes may still end
 
     monkeypatch.setattr(sweep_module, "compute", once)

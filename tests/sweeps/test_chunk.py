@@ -18,7 +18,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states
 from stickslip.orbits.settling.motions import Settings
 from stickslip.stopping.scopes import Stopped, watching
-from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.request.measures import MISSING
 from stickslip.sweeps.work import chunk
 from stickslip.sweeps.work.chunk import measure_chunk
 
@@ -109,7 +109,11 @@ def test_a_start_outside_the_stable_set_says_by_how_much() -> None:
     np.testing.assert_allclose(found["excess"], [0.0, 1.75 - 1.7, 0.8 + 1.6 - 1.7], rtol=1e-12)
     assert np.array_equal(np.isnan(found["speed"]), [False, True, True])
     assert np.array_equal(np.isnan(found["certificate"]), [False, True, True])
-    assert [LACKING[code] for code in found["lacking"]] == ["nothing", "result", "result"]
+    assert [MISSING[code] for code in found["lacking"]] == [
+        "nothing",
+        "result",
+        "result",
+    ]
 
 
 def test_limits_are_kept() -> None:
@@ -202,7 +206,7 @@ def test_a_wish_to_stop_ends_every_chunk() -> None:
 
     def work(flag: np.ndarray) -> None:
         try:
-            with watching(wish=flag):
+            with watching(interrupt=flag):
                 measure_chunk(block, {}, table, ("period",), Settings())
             ended.append("done")
         except Stopped:
@@ -215,7 +219,5 @@ def test_a_wish_to_stop_ends_every_chunk() -> None:
         time.sleep(float(delay))
         flag[0] = 1
         thread.join(20.0)
-        assert not thread.is_alive(), (
-            f"it goes on although there was a wish to stop ({delay:.3f} s)"
-        )
+        assert not thread.is_alive(), f"it goes on although a stop was requested ({delay:.3f} s)"
     assert "stopped" in ended

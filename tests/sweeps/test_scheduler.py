@@ -122,13 +122,13 @@ def end_what_is_under_way(pool: Pool, folder: Path) -> None:
     stop = Interrupt(pool.flag)
     moments = list[float]()
 
-    def wish() -> None:
+    def interrupt() -> None:
         while not (folder / "begun").exists():
             time.sleep(0.01)
         moments.append(time.monotonic())
         stop(signal.SIGINT, None)
 
-    threading.Thread(target=wish).start()
+    threading.Thread(target=interrupt).start()
     assert not list(distribute(work.until_stopped, [str(folder)] * 9, pool, stop))
     assert time.monotonic() - moments[0] < 2.0
 
@@ -156,7 +156,7 @@ def test_compiled_loops_see_the_wish_to_stop() -> None:
     threading.Timer(0.5, lambda: stop.fill(1)).start()
     system = ss.catalogue.forced_oscillator(force="P*cos(omega*t) + P/2*cos(sqrt(2)*omega*t)")
     settings = Settings(max_time=1e9, max_cycles=10**9, max_events=10**12)
-    with watching(wish=stop), pytest.raises(Stopped):
+    with watching(interrupt=stop), pytest.raises(Stopped):
         measure_chunk(system, {}, {"omega": np.full(8, 0.5)}, (), settings)
     assert 0.4 < time.monotonic() - began < 5.0
 

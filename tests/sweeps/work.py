@@ -37,7 +37,7 @@ def fail(number: int) -> int:
 
 
 def until_stopped(folder: str) -> int:
-    """Says that it has begun, and goes on until there is a wish to stop."""
+    """Report the start, and continue until a stop is requested."""
     (Path(folder) / "begun").touch()
     while not check_stop():
         time.sleep(0.01)

@@ -124,8 +124,8 @@ _RING_LOG = (
 
 @cache
 def mean_speeds() -> dict[str, Definition]:
-    """The functions ``disc(u, v, w)`` and ``ring(u, v, w)`` of the formula language, and what they
-    are made of."""
+    """The functions ``disc(u, v, w)`` and ``ring(u, v, w)`` of the formula language, with the
+    functions from which they are composed."""
     from stickslip.symbolic.formulas import Definition
 
     def either(above: str, below: str) -> str:
@@ -153,8 +153,8 @@ def mean_speeds() -> dict[str, Definition]:
 
 @cache
 def norms_instead() -> dict[str, Definition]:
-    """Norms in place of these functions, each of its own, for proofs that a formula made of them is
-    convex by its form."""
+    """Replace these functions by norms, one for each call, so that the convexity of a formula with
+    them can be proved by its form."""
     from stickslip.symbolic.formulas import Definition
 
     given = {"disc": (1.0457, 0.6181), "ring": (1.1283, 1.2746)}
@@ -165,5 +165,6 @@ def norms_instead() -> dict[str, Definition]:
 
 
 def _polynomial(coefficients: tuple[float, ...]) -> str:
-    """A polynomial in x, by its powers: derivatives of what is nested grow with its square."""
+    """A polynomial in x by its powers; the derivatives of a nested form would grow with the square
+    of its length."""
     return " + ".join(f"({c!r})*x**{k}" for k, c in enumerate(coefficients))

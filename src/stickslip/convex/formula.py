@@ -85,7 +85,7 @@ class ConvexFormula:
         return bool(self.homogeneous and self.convex and self.nonnegative)
 
     @property
-    def said(self) -> str:
+    def evidence(self) -> str:
         """Description of the proved properties."""
         known = {
             "homogeneous": self.homogeneous,

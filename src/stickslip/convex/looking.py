@@ -67,7 +67,7 @@ class LookedAt:
         return float(np.abs(self.values).max(initial=0.0))
 
     def check_values(self) -> None:
-        """Reject what has no value, or a negative one."""
+        """Reject formulas that are undefined or negative."""
         undefined = np.argwhere(~np.isfinite(self.values))
         if len(undefined):
             raise self._refused(
@@ -83,7 +83,7 @@ class LookedAt:
             )
 
     def check_degree(self) -> None:
-        """Reject what is not homogeneous of degree 1."""
+        """Reject formulas that are not homogeneous of degree 1."""
         v, others = self._rows()
         for factor in _FACTORS:
             scaled = self.value(factor * v, others)
@@ -98,9 +98,8 @@ class LookedAt:
                 )
 
     def check_convex(self) -> None:
-        """Reject what is seen not to be convex: v is a sum of neighbours u and w on its circle, and
-        R(v) may not exceed R(u) + R(w).
-        """
+        """Reject formulas with a counterexample to convexity: v is a sum of neighbours u and w on
+        its circle, and R(v) may not exceed R(u) + R(w)."""
         if len(self.names) == 1:  # convex if it is nonnegative
             return
         count = self.directions.shape[2]
@@ -118,7 +117,7 @@ class LookedAt:
                 )
 
     def check_borders(self, normals: Array) -> None:
-        """Reject what has a concave kink on a hyperplane: u and w are on both sides of it.
+        """Reject formulas with a concave kink on a hyperplane: u and w are on both sides of it.
 
         Parameters
         ----------

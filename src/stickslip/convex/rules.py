@@ -84,6 +84,7 @@ class ConvexRules:
     def _shape_of_power(self, base: Expr, p: float) -> int | None:
         if p == 1.0:
             return self.shape(base)
+        # A root of a convex expression is not convex in general, but a norm is.
         if 0.0 < p < 1.0 and self._is_norm(base, _rounded_exponent(1.0 / p)):
             return CONVEX
         shape = self.shape(base)
@@ -93,6 +94,8 @@ class ConvexRules:
             return CONVEX if self._power_is_convex(base, p) else None
         if shape == CONVEX or not self.nonnegative(base):
             return None
+        # For a concave, nonnegative f: t ↦ tᵖ is increasing and concave for 0 < p < 1, decreasing
+        # and convex for p < 0.
         return CONCAVE if p > 0.0 else CONVEX
 
     def _power_is_convex(self, f: Expr, q: float) -> bool:
@@ -100,6 +103,7 @@ class ConvexRules:
         shape = self.shape(f)
         if shape is None or q < 1.0:
             return False
+        # t ↦ t^q is increasing on t ≥ 0 only, so f has to be nonnegative, or |f| is taken.
         even = q % 2.0 == 0.0
         if shape != CONCAVE and ((even and shape == AFFINE_SHAPE) or self.nonnegative(f)):
             return True
@@ -129,6 +133,7 @@ class ConvexRules:
         if not guard.symbols & self.names:
             shapes = [self.shape(above), self.shape(below)]
             return None if None in shapes else _shape_of_sum([s for s in shapes if s is not None])
+        # above = below + c·guard, so the select is below + c·max(guard, 0): continuous at its kink.
         difference = above - below
         signs = {
             c > 0.0 for c, constant, rest in splits(difference, guard) if not rest and not constant
@@ -163,6 +168,7 @@ def is_nonnegative_form(e: Expr, directions: Directions) -> bool:
         return False
     rest = ex.substitute(e, dict.fromkeys(names, ex.ZERO))
     slopes = [ex.substitute(ex.derivative(e, a), dict.fromkeys(names, ex.ZERO)) for a in names]
+    # A quadratic polynomial is a form only if it has no constant and no linear terms.
     if not all(ex.is_number(part, 0.0) for part in (rest, *slopes)):
         return False
     if all(ex.is_number(entry) for row in matrix for entry in row):
@@ -176,6 +182,7 @@ def _is_semidefinite(matrix: list[list[Fraction]]) -> bool:
     if any(matrix[i][i] < 0 for i in range(size)):
         return False
     pivot = next((i for i in range(size) if matrix[i][i] > 0), None)
+    # A zero on the diagonal of a semidefinite matrix requires a zero row.
     if pivot is None:
         return not any(any(row) for row in matrix)
     others = [i for i in range(size) if i != pivot]

@@ -98,8 +98,8 @@ def together(
     closed: Iterable[int],
     always: Iterable[int] = (),
 ) -> dict[int, int]:
-    """Contacts with friction in a plane, and those beside them, that may hold the same coordinates:
-    then their directions may depend on each other.
+    """Groups of contacts with friction in a plane, and of contacts beside them, that may hold the
+    same coordinates, so that their directions may depend on each other.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def together(
 
 
 def somewhere(table: Sequence[Sequence[ex.Expr]]) -> list[list[float]]:
-    """Values of expressions in a point that is nothing special."""
+    """Values of expressions at a generic point."""
     names = sorted(frozenset[str]().union(*(e.symbols for row in table for e in row)))
     point = {name: 0.7 + math.sin(i + 1.0) / 7.0 for i, name in enumerate(names)}
     return [[ex.evaluate(e, point) for e in row] for row in table]

@@ -117,8 +117,8 @@ class MotionEquations:
 
     @property
     def inertia(self) -> list[Expr]:
-        """Entries of the mass matrix, coefficients of directions, and gaps, that change on the
-        way."""
+        """Entries of the mass matrix, coefficients of directions, and gaps, that depend on the
+        state or on time."""
         held = frozenset(self.declaration.parameters)
         entries = [*self.mass.values(), *(j for c in self.contacts for j in c.direction.values())]
         entries += [c.gap for c in self.contacts if c.gap is not None]
@@ -132,7 +132,8 @@ class MotionEquations:
 
     @cached_property
     def numbers(self) -> dict[str, int]:
-        """The number of each contact by its name, and by those of what it was declared as."""
+        """Number of each contact by its name, and by the names of the contacts declared in its
+        place."""
         found = {c.name: i for i, c in enumerate(self.contacts)}
         return found | {c.name: i for i, own in enumerate(self.members) for c in own}
 
@@ -421,8 +422,8 @@ def _share(c: DryContact, own: Sequence[DryContact]) -> Expr:
 
 
 def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
-    """Thresholds and sliding forces of a contact, as forces along the direction that its own is a
-    multiple of. What acts backward there acts forward here if the factor is negative."""
+    """Thresholds and sliding forces of a contact, as forces along the direction of which its own is
+    a multiple. If the factor is negative, forward and backward are exchanged."""
     r = c.ratio
     return (
         ex.select(r, r * c.plus, -r * c.minus),
@@ -455,7 +456,7 @@ def _named(
 
 
 def _damping(d: Declaration, others: list[str]) -> dict[str, Expr]:
-    """Viscous forces by coordinate, as far as they come from the rates of some coordinates."""
+    """Viscous forces by coordinate, due to the rates of the given coordinates."""
     felt = frozenset(others)
     found: dict[str, list[tuple[Expr, float]]] = {}
     for (x, y), entry in d.damping.items():

@@ -117,7 +117,7 @@ class _Solver:
             self.aim(plane)
 
     def fix(self, e: Expr) -> Expr:
-        """The expression in this region, with what is already known of the rates."""
+        """Restrict an expression to this region, and insert the known rates."""
         return ex.substitute(in_region(e, self.regions), self.known)
 
     def velocity(self, i: int) -> Expr:
@@ -127,8 +127,8 @@ class _Solver:
         return self.fix(moved - c.speed)
 
     def aim(self, plane: Plane) -> None:
-        """Note the direction n of a slip in a plane, that of Au, or without mass that of forces;
-        and |Au| with mass. What is open rubs in no direction."""
+        """Store the direction n of a slip in a plane, that of Au, or without mass that of forces;
+        and |Au| with mass. Open contacts have no direction."""
         slips = self.mode[plane.parts[0]] != 0 and not self.is_loose(plane.parts[0])
         vector = [self.fix(e) for e in plane.pull] or self.ahead(plane)
         size = ex.power(ex.add(*((e**2, 1.0) for e in vector)), ex.num(0.5))
@@ -301,8 +301,8 @@ class _Solver:
             raise ZeroDivisionError("the direction after the impact has no closed form")
 
     def impulse(self, i: int, struck: list[int]) -> Expr:
-        """Impulse of the friction of contact i, which slips, under normal impulses of what is
-        struck. What does not depend on them has none."""
+        """Impulse of the friction of a sliding contact i due to normal impulses; zero if its
+        friction does not depend on them."""
         others = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i) if n not in struck}
         force = ex.substitute(self.slip_force(i), others)
         bounded = ex.substitute(force, {f"lambda:{n}": ex.ZERO for n in struck})

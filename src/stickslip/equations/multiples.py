@@ -176,8 +176,8 @@ def _value(e: Expr) -> Callable[[Mapping[str, float]], float]:
 
 
 def _has_no_pole(e: Expr, held: frozenset[str]) -> bool:
-    """Whether an expression is seen not to divide by zero, whatever names are but those that are
-    held."""
+    """Whether an expression is proved not to divide by zero for any values of the names, except
+    those that are fixed."""
     divisors = [
         base
         for node in ex.walk([e])

@@ -87,8 +87,8 @@ class Plane(NamedTuple):
         return ex.add(*(((f / a) ** 2, 1.0) for f, a in zip(forces, self.axes, strict=True)))
 
     def admissible(self, forces: Sequence[Expr]) -> Expr:
-        """s² − abs(A⁻¹λ)², not negative where forces λ can be held; of a formula, which says that
-        for each direction alone (:meth:`room_along`), s²."""
+        """s² − |A⁻¹λ|², nonnegative if forces λ can be held; s² for a formula, whose condition is
+        one for each direction (:meth:`room_along`)."""
         square = self.static**2
         return square - self.scaled(forces) if self.formula is None else square
 
@@ -211,8 +211,9 @@ def pressed_planes(d: Declaration, contacts: list[DryContact], planes: list[Plan
 def _check_turning(
     d: Declaration, contacts: list[DryContact], plane: Plane, part: Component
 ) -> None:
-    """Reject a contact with a formula on a body that more contacts hold than it has freedoms, if
-    their directions turn: then nothing says how long it holds."""
+    """Reject a contact with a dissipation formula on a body that is held by more contacts than it
+    has degrees of freedom, if their directions rotate: no criterion then determines how long it
+    sticks."""
     closed = [c for c in part.contacts if not contacts[c].opens]
     held = frozenset(d.parameters)
     turning = any(not j.symbols <= held for c in closed for j in contacts[c].direction.values())

@@ -54,7 +54,7 @@ from stickslip.model.entries.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION
-from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.request.measures import MISSING
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 from stickslip.sweeps.request.scales import ColourScale, colour_scale
 
@@ -522,9 +522,9 @@ def _lacking(data: xarray.Dataset, bad: Array) -> str:
     if "lacking" not in data:  # maps of the first format have none
         return "not certified"
     lacked = [
-        LACKING[code]
+        MISSING[code]
         for code in np.unique(data["lacking"].values[bad])
-        if LACKING[code] != "result"
+        if MISSING[code] != "result"
     ]
     return f"not certified ({', '.join(lacked)})" if lacked else "not certified"
 

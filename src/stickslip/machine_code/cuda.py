@@ -83,7 +83,7 @@ class Cuda:
         self._lock = Lock()
 
     def _call(self, name: str, *given: Any) -> None:
-        """Call the driver, in this GPU's context: threads come and go."""
+        """Call the driver in the context of this GPU, since any thread may call."""
         if self._context:
             self._driver.cuCtxSetCurrent(self._context)
         code = getattr(self._driver, name)(*given)
@@ -195,7 +195,7 @@ class Cuda:
             self._call("cuLinkDestroy", linker)
 
     def launch(self, function: Any, words: Array, count: int) -> None:
-        """Run what was loaded in so many threads, and wait for all of them.
+        """Run the loaded function in a number of threads, and wait for them.
 
         Parameters
         ----------

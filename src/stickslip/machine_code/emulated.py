@@ -66,7 +66,7 @@ class Emulated:
         return list(entries)
 
     def launch(self, function: Entry, words: Array, count: int) -> None:
-        """Run what was loaded in so many threads.
+        """Run the loaded function in a number of threads.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ from stickslip.translator import FunctionAddress
 
 
 class SystemFunction(FunctionAddress):
-    """One of them, in memory for as long as this is.
+    """A compiled function of a system; it keeps its machine code in memory.
 
     Attributes
     ----------

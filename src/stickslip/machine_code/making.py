@@ -82,7 +82,7 @@ def make_all(jobs: list[Compilation], what: str) -> list[bytes]:
 
 
 def _helper(jobs: list[Compilation]) -> subprocess.Popen[bytes] | None:
-    """Another process that makes and keeps some modules; None if there is none."""
+    """A second process that compiles and stores some of the modules, or None."""
     if sum(len(job.text) for job in jobs) < _FEW or (os.cpu_count() or 1) < 2:
         return None
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

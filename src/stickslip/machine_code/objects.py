@@ -100,8 +100,8 @@ class Processor(NamedTuple):
 
 
 def platform_of(triple: str) -> str:
-    """A platform as LLVM names it. On macOS the name contains the version of the system, and
-    machine code would differ with it; the oldest version with wheels stands for all."""
+    """A platform by its LLVM name. On macOS it contains the version of the system, which changes
+    the machine code, so the oldest version with wheels is used for all."""
     return re.sub(r"-darwin[\d.]*$", "-darwin21", triple)
 
 
@@ -119,7 +119,7 @@ def processor() -> Processor:
 
 
 def digest(*facts: Any) -> str:
-    """A name for what is made of these facts."""
+    """A hash of the given facts, as a name."""
     return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 

@@ -1,5 +1,5 @@
-"""PTX, NVIDIA's assembly for GPUs: what threads run, with the functions of a system and NVIDIA's
-mathematical library inside."""
+"""PTX, NVIDIA's assembly for GPUs: code for the threads, with the functions of a system and
+NVIDIA's mathematical library inside."""
 
 from __future__ import annotations
 
@@ -155,6 +155,6 @@ def _module(assembly: str) -> Any:
 
 
 def _mathematics(bitcode: bytes) -> Any:
-    """NVIDIA's library, of which only what is short is inlined."""
+    """NVIDIA's library; only short functions of it are inlined."""
     text = str(llvm.parse_bitcode(bitcode)).replace("alwaysinline", "")
     return module_of(text, _target(), STRAIGHT)

@@ -196,7 +196,7 @@ def _list_path(library: Library, folder: Path, key: str) -> Path:
 
 
 def _keep_list(library: Library, folder: Path, key: str, jobs: list[tuple[str, str]]) -> None:
-    """Keep what the parts of a library are called."""
+    """Store the names of the parts of a library."""
     lines = "".join(f"{name} {own}\n" for name, own in jobs)
     keep(_list_path(library, folder, key), key, lines.encode())
 
@@ -236,7 +236,7 @@ _VERSION = "llvm"  # name of the file that says which version wrote the bitcode
 
 
 def make(library: Library, folder: Path, here: Processor, ship: bool = False) -> list[bytes]:
-    """Compile a library: what a folder does not have yet of it.
+    """Compile the parts of a library that a folder does not contain.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
 
 
 def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIES) -> None:
-    """Remove from a folder of shipped code what does not belong to the libraries."""
+    """Remove files that belong to no library from a folder of shipped code."""
     wanted = {_VERSION}
     for library in libraries:
         sources = source_digest(library)
@@ -307,8 +307,8 @@ def entries_of(library: Library) -> list[Entry | Kernel]:
 
 
 def source_digest(library: Library) -> str:
-    """A name for all sources that may shape the machine code of a library: those of its modules, of
-    what they import, and of the translator."""
+    """A hash of all sources that may affect the machine code of a library: those of its modules, of
+    their imports, and of the translator."""
     content = hashlib.sha256()
     for path, text in sorted(_sources(library).items()):
         name = path.removeprefix(_PACKAGE).replace(os.sep, "/") or os.path.basename(path)
@@ -343,8 +343,8 @@ def _sources(library: Library) -> dict[str, bytes]:
 
 
 def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:
-    """The source files of a module of the package, or of what is imported from a room of it; of
-    others the file, if the module is loaded and stands in this folder."""
+    """Source files of a module of the package, or of the package that an import refers to; for
+    other modules the file, if the module is loaded and in this folder."""
     if name.partition(".")[0] == "stickslip":
         place = os.path.join(_PACKAGE, *name.split(".")[1:])
         if not os.path.isdir(place):

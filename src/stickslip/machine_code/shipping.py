@@ -34,7 +34,7 @@ def ship(levels: Sequence[str]) -> None:
 
 
 def is_complete(level: str) -> bool:
-    """Whether the machine code of a level is all there, of the sources as they are now."""
+    """Whether the machine code of a level is complete for the current sources."""
     return all(
         shelf.shipped(library, level, shelf.source_digest(library)) is not None
         for library in shelf.LIBRARIES
@@ -42,7 +42,7 @@ def is_complete(level: str) -> bool:
 
 
 def from_command_line(arguments: Sequence[str]) -> None:
-    """Make what is missing for this machine, or for all with ``all``."""
+    """Compile missing machine code for this machine, or for all machines with ``all``."""
     ship([shelf.FAST, shelf.PORTABLE] if list(arguments) == ["all"] else [shelf.level()])
 
 

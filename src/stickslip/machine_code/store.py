@@ -78,8 +78,8 @@ def _folder(given: str | None) -> Path:
 
 
 def _claim(folder: Path) -> None:
-    """Make a folder this user's alone; if it cannot be that, or not be written, an `OSError` says
-    why."""
+    """Make a folder accessible to this user only; raises an `OSError` with the reason if that is
+    impossible, or if the folder is not writable."""
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if _POSIX:
@@ -131,7 +131,7 @@ def stored(path: Path, key: str, *, trusted: bool = False) -> bytes | None:
 
 
 def _may_be_read(status: os.stat_result, trusted: bool) -> bool:
-    """Whether this is a file, and nobody else could have written it."""
+    """Whether this is a regular file that no other user could have written."""
     if not stat.S_ISREG(status.st_mode) or status.st_size > _LARGEST:
         return False
     return trusted or not _POSIX or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
@@ -176,8 +176,8 @@ def _remove(path: str | Path) -> None:
 
 
 def _tidy(latest: Path) -> None:
-    """Remove what killed processes have left in the folder of a file, and, where there is too much,
-    the code that was not used for longest."""
+    """Remove files that killed processes have left in the folder of a file and, if the folder is
+    too large, the code that was not used for the longest time."""
     codes: list[tuple[float, int, str]] = []
     with os.scandir(latest.parent) as entries:
         for entry in entries:
@@ -198,8 +198,8 @@ def _tidy(latest: Path) -> None:
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep other processes from making the same file; but where there can be no lock, or it does
-    not come free, it is made twice."""
+    """Keep other processes from compiling the same file; if no lock is available in time, it is
+    compiled twice."""
     place = path.with_name(f"{_PASSING}{path.name}.lock")
     with ExitStack() as stack:
         with suppress(OSError, NotImplementedError):

@@ -34,7 +34,7 @@ def provide_table(
     near: float,
     undefined: Mapping[str, tuple[float, float]],
 ) -> Provider:
-    """Let machine code call functions by their names.
+    """Register named functions of tables, so that machine code can call them.
 
     Parameters
     ----------

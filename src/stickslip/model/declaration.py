@@ -373,7 +373,8 @@ class Declaration:
                 )
 
     def limit(self, where: str, name: str, interval: Range) -> None:
-        """Let what a name means stay in a range, if it depends on nothing but parameters."""
+        """Require that the value of a name remains in a range, if it depends on parameters
+        alone."""
         formula = self.scope.parse(name, where)
         if formula.symbols <= set(self.parameters):
             self.limits.append((where, formula, interval))

@@ -1,9 +1,9 @@
-"""Whether the units of a declaration agree: term by term, as far as they are declared.
+"""Consistency of the units of a declaration: term by term, as far as units are declared.
 
 Units are optional, and numbers may hide some (a mass of 1, a 9.81). So a term counts only if every
 name in it has a unit, one of its factors is a parameter, samples or a table, and its coefficient is
 a plain one such as 1/2. A parameter that was declared as a plain number has no unit that is known.
-What does not agree is a doubt, not an error: nothing that is computed depends on units.
+Inconsistent units cause a warning, not an error, because no computation depends on units.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ def disagreements(system: System) -> list[str]:
     declared = (system.parameters, system.coordinates, system.internal, system.dry_contacts)
     if not any(item.unit for group in declared for item in group.values()):
         return []
-    return _Check(system).doubts()
+    return _Check(system).conflicts()
 
 
 class _Check:
-    """One look at a declaration."""
+    """Check the units of a declaration."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -63,7 +63,7 @@ class _Check:
             found |= {drive: ex.sym(name), ex.derivative(drive, "t"): ex.sym(f"d_{name}")}
         return {e: name for e, name in found.items() if e.op != "num"}
 
-    def doubts(self) -> list[str]:
+    def conflicts(self) -> list[str]:
         d, time = self.system.declaration, self.units["t"]
         energy, label = self.energy()
         power, as_power = _over(energy, time), f"{label}, divided by time,"
@@ -107,8 +107,8 @@ class _Check:
         return list(self.found)
 
     def slip(self, direction: Mapping[str, Expr]) -> Unit | None:
-        """The unit of a relative velocity, if all parts of it say the same; numbers other than ±1
-        may stand for anything."""
+        """The unit of a relative velocity, if all its terms agree; numbers other than ±1 may have
+        any unit."""
         found = [
             self.product([(weight, 1.0), (ex.sym(f"d_{x}"), 1.0)])
             if weight.op != "num" or abs(ex.number(weight)) == 1.0
@@ -216,8 +216,8 @@ class _Check:
         return _times(own, self.of(e.args[0]), powers=(1.0, float(power))) if power else own
 
     def counts(self, e: Expr) -> bool:
-        """Whether something in it has a unit of its own that is no part of the argument of a
-        function: a parameter, samples, a table."""
+        """Whether an expression contains a parameter, samples or a table with a unit, other than in
+        arguments of functions."""
         for node in ex.walk([e]):
             if node not in self.counting:
                 self.counting[node] = self.has_own(node)
@@ -238,7 +238,7 @@ class _Check:
                 return row.tabulated and bool(_declared(row.unit[0]))
 
     def may_hide(self, term: Expr, c: float) -> bool:
-        """Whether a number in front of a term without parameters may stand for one."""
+        """Whether a number in front of a term without parameters may have a unit."""
         return abs(c) != 1.0 and not self.counts(term)
 
     def product(self, powers: Iterable[tuple[Expr, float]]) -> Unit | None:

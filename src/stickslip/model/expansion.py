@@ -43,7 +43,7 @@ _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e o
 
 
 class Expansion:
-    """The parts of a system while it is written out, and what is done to them.
+    """The parts of a system during its expansion, and operations on them.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Expansion:
         )
 
     def as_declared(self, error: DeclarationError) -> DeclarationError:
-        """An error of the plain system, said of what was declared."""
+        """Restate an error of the expanded system for the declared one."""
         for part, origin in self.origins.items():
             if error.where == part or error.where.startswith(f"{part}."):
                 return DeclarationError(origin, error.reason, error.remedy)
@@ -130,7 +130,7 @@ class Expansion:
         self.origins[entry_key("contacts", label)] = where
 
     def number(self, formula: str, words: Mapping[str, str], where: str) -> float:
-        """The value of a formula of a law's parameters, as they are declared."""
+        """Value of a formula of the parameters of a law, with their declared values."""
         names = DeclaredNames()
         names.functions("functions", self.functions)
         known = {name: ex.sym(name) for name in self.system.parameters}
@@ -222,7 +222,7 @@ class Expansion:
         return found
 
     def unit_of_way(self, slopes: Mapping[str, str]) -> str:
-        """The unit of displacements along a direction, if all coordinates say the same."""
+        """The unit of displacements along a direction, if all coordinates have the same one."""
         units = {
             self.structures[entry_of(x, self.structures)[1]].unit
             if is_entry(x)
@@ -273,7 +273,7 @@ class Expansion:
         section[name] = part
 
     def push(self, x: str, slope: str, force: str) -> None:
-        """Let a force act against the velocity, on one coordinate or unknown of a structure."""
+        """Add a force against the velocity to one coordinate or unknown of a structure."""
         term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
         before = self.forces.get(x, 0.0) if is_entry(x) else self.coordinates[x].force
         total = term if before == 0.0 else f"({before}) {term if term[0] == '-' else '+ ' + term}"
@@ -283,7 +283,7 @@ class Expansion:
             self.coordinates[x] = replace(self.coordinates[x], force=total)
 
     def resist(self, x: str, slope: str, force: str, where: str) -> None:
-        """Let a force that increases with the velocity resist a coordinate without mass."""
+        """Add a resistance that increases with the velocity to a coordinate without mass."""
         coordinate = self.coordinates[x]
         assert isinstance(coordinate, Viscous)
         term = force if slope == "1" else f"({slope})*{force}"

@@ -133,7 +133,7 @@ class FrictionLaw:
     def driven(
         self, amplitude: float, omega: float, values: Mapping[str, float] | None = None
     ) -> System:
-        """This law alone, with its surface displaced by A sin ωt against u."""
+        """A system of this law alone, whose surface is displaced by A sin ωt against u."""
         return self._alone(
             "-d_X",
             values,
@@ -142,8 +142,9 @@ class FrictionLaw:
         )
 
     def stepped(self, ratio: float, values: Mapping[str, float] | None = None) -> System:
-        """This law alone at the rate v_0, at another rate after a slip of 10 D_c, and at v_0 again
-        after 20 D_c more: the velocity-stepping test, by which rate-and-state laws are measured."""
+        """A system of this law alone at the rate v_0, at another rate after a slip of 10 D_c, and
+        at v_0 again after another 20 D_c: the velocity-stepping test that identifies rate-and-state
+        laws."""
         return self._alone(
             "-v_0*piecewise(t < t_up, 1, t < t_down, ratio, 1)",
             values,
@@ -173,7 +174,7 @@ class FrictionLaw:
         return plot_law(self)
 
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
-        """Its parameters, called by their names; some elements share what is a list."""
+        """Parameters by their names; list parameters are divided among the elements."""
         return {
             name: _SPEEDS
             if name in self.points[:1]

@@ -42,7 +42,7 @@ class Range:
         return above and below
 
     def check(self, value: object, where: str) -> None:
-        """Reject what is not a number, or outside."""
+        """Reject values that are not numbers, or out of range."""
         if not is_finite(value):
             raise DeclarationError(where, "not a finite number", "Give a finite number")
         if value not in self:
@@ -108,7 +108,8 @@ class DeclaredNames:
             self.ranges[name].check(parameter.default, where)
 
     def functions(self, section: str, entries: Mapping[str, Drive], clock: str = "") -> None:
-        """Read functions; `clock` is what those without arguments are differentiated by."""
+        """Read functions; `clock` is the variable of differentiation for those without
+        arguments."""
         for key, text in entries.items():
             where = entry_key(section, key)
             name, arguments = parse_signature(key, where)

@@ -159,7 +159,7 @@ def of_modes(
 
 
 def forces_of(parts: Sequence[str]) -> dict[str, str]:
-    """Kinds of forces that are published of each component of a dry contact, and what they are."""
+    """Kinds of published forces of each component of a dry contact, with their meanings."""
     return FORCES if len(parts) == 1 else IN_PLANE
 
 
@@ -184,7 +184,7 @@ def _amplitude_unit(system: System) -> str | None:
 
 
 def slip_unit(system: System, contact: str) -> str | None:
-    """The unit of a relative velocity, in which a number other than ±1 may stand for anything."""
+    """The unit of a relative velocity; a number other than ±1 in it may have any unit."""
     system = system.plain
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     terms = {
@@ -203,7 +203,8 @@ def slip_unit(system: System, contact: str) -> str | None:
 
 
 def force_unit(system: System, contact: str) -> str | None:
-    """The unit of a friction force: the declared one, or what makes its work an energy."""
+    """The unit of a friction force: the declared one, or the one for which its work is an
+    energy."""
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     if declared.unit and declared.plane == 3:
         # of a face a moment: work is done at a rate of turning
@@ -288,8 +289,7 @@ def _unit_of(system: System, formula: Expr) -> UnitPowers:
 
 
 def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
-    """The unit of a formula: a sum has that of a term in which nothing is of an unknown unit, a
-    function none.
+    """The unit of a formula: that of a term of a sum without unknown units; none for functions.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def _unit_from(formula: Expr, unit: Callable[[str], str]) -> UnitPowers:
 
 
 def _is_known(formula: Expr) -> bool:
-    """Whether no samples and no table stand in it whose unit is not declared."""
+    """Whether all samples and tables in an expression have declared units."""
     tables = (FUNCTIONS[e.op] for e in ex.walk([formula]) if e.op in FUNCTIONS)
     return all(row.unit[0] or row.sampled for row in tables if row.tabulated)
 

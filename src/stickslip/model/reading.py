@@ -233,7 +233,7 @@ class DeclarationReader:
                 self._check_drag(name, result.drags[name])
 
     def _resistances(self) -> None:
-        """Drags of viscous coordinates, and what these may not have beside them."""
+        """Drags of viscous coordinates; rejects terms that cannot be combined with them."""
         system, result = self.system, self.result
         for z in result.viscous:
             where = f"coordinates.{z}.drag"
@@ -287,7 +287,8 @@ class DeclarationReader:
                     )
 
     def _check_energy(self) -> None:
-        """Reject an energy that jumps on the way of a coordinate: no force is finite there."""
+        """Reject an energy that jumps as a coordinate changes: the force there would be
+        infinite."""
         for guard, part in terms_by_guard(self.result.potential).items():
             for x in sorted(guard.symbols & set(self.result.coordinates)):
                 if any(jumps_through(part, guard, x, self.start, self.constants)):
@@ -404,8 +405,8 @@ class DeclarationReader:
         return self._of_state(value, entry_key(where, name))
 
     def _of_state(self, text: object, where: str) -> Expr:
-        """A formula of the state in which what results show may stand, too, if the state alone says
-        what it is."""
+        """A formula of the state in which reported quantities may occur, if the state alone
+        determines them."""
         try:
             return self.shown.parse(text, where)
         except DeclarationError as error:
@@ -418,8 +419,9 @@ class DeclarationReader:
 
     @cached_property
     def shown(self) -> Scope:
-        """Formulas of the state, and of gaps, relative velocities, thresholds and the energy where
-        they are functions of it. Forces follow from what sticks, which one event may change."""
+        """Formulas of the state, and of gaps, relative velocities, thresholds and the energy if
+        they are functions of it. Forces depend on the sticking contacts, which an event may
+        change."""
         from stickslip.model.quantities import contact_key
 
         result = self.result

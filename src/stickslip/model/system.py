@@ -188,8 +188,8 @@ class System:
         if default is not None:
             object.__setattr__(self, "span", default.under(self.drives))
         _ = self.declaration
-        for doubt in self.doubts:
-            warnings.warn(f"{self.name}: {doubt}", stacklevel=3)
+        for conflict in self.unit_conflicts:
+            warnings.warn(f"{self.name}: {conflict}", stacklevel=3)
 
     @cached_property
     def declaration(self) -> Declaration:
@@ -415,7 +415,7 @@ class System:
         return found
 
     @cached_property
-    def doubts(self) -> list[str]:
+    def unit_conflicts(self) -> list[str]:
         """Terms of the formulas whose units do not agree, as far as units are declared; each is a
         warning when the system is declared."""
         from stickslip.model.dimensions import disagreements

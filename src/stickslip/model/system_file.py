@@ -44,7 +44,7 @@ def _coordinate(value: Any, where: str, folder: Path) -> Any:
 
 
 def _contact(value: Any, where: str, folder: Path) -> Any:
-    """A contact with its forces; one with a law has the parameters of that beside it."""
+    """A contact with its forces; for a contact with a law, the parameters of the law."""
     table = toml.mapping(value, where)
     if "law" not in table:
         kinds = {"gap": Unilateral, "constraint": Bilateral}
@@ -61,7 +61,7 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
 
 
 def drive_entry(value: Any, where: str, folder: Path) -> Any:
-    """A formula as it stands; samples from their table."""
+    """A drive from its entry: a formula, or samples from their table."""
     if not isinstance(value, dict):
         return value
     from stickslip.model.entries.samples import Samples
@@ -80,7 +80,7 @@ def _table(value: Any, where: str, folder: Path) -> Any:
 
 
 def plain_or(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
-    """A plain value as it stands; an entry from its table."""
+    """A plain value, or an entry from its table."""
     return toml.entry(kind, value, where) if isinstance(value, dict) else value
 
 

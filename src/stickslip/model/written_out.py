@@ -101,8 +101,8 @@ class _WrittenOut(Expansion):
     """Writes laws, constraints, structures and sampled variables out."""
 
     def samplers(self, sampled: Mapping[str, Sampled]) -> None:
-        """Write out what is sampled: variables at rest, and jumps at even times in which all that
-        is sampled then gets new values at once."""
+        """Expand sampled variables: variables at rest, with jumps at equidistant times at which all
+        sampled variables of that time change together."""
         groups: dict[tuple[str, ...], dict[str, Sampled]] = {}
         acting: dict[tuple[str, ...], dict[str, Sampled]] = {}
         for name, part in sampled.items():
@@ -142,8 +142,8 @@ class _WrittenOut(Expansion):
         return None if formula.symbols else ex.evaluate(formula, {})
 
     def check_sampled(self, plain: System) -> None:
-        """Reject a period, a delay or a quantum that is not one of parameters alone, and a period
-        within which nothing would ever be sampled."""
+        """Reject a period, a delay or a quantum that does not depend on parameters alone, and a
+        period longer than the time span."""
         span = self.system.span
         for where, text, _ in self.quotients:
             formula = plain.declaration.scope.parse(text, where)
@@ -279,7 +279,7 @@ class _WrittenOut(Expansion):
         return force
 
     def act(self, force: str, law: FrictionLaw, slopes: Mapping[str, str], where: str) -> None:
-        """Let a force act along a direction; on a coordinate without mass it is a drag."""
+        """Add a force along a direction; on a coordinate without mass it is a drag."""
         massless = [
             x for x in slopes if not is_entry(x) and self.coordinates[x].kind == Kind.VISCOUS
         ]
@@ -296,7 +296,7 @@ class _WrittenOut(Expansion):
                 self.push(x, slope, force)
 
     def structure(self, name: str, structure: AnyStructure) -> None:
-        """Write a structure out: its modes are coordinates, and feel what pushes unknowns."""
+        """Expand a structure: its modes are coordinates, and forces on unknowns act on them."""
         from stickslip.structures.coordinates import InModes
 
         if isinstance(structure, InModes):
@@ -429,7 +429,8 @@ class _WrittenOut(Expansion):
         words: dict[str, str],
         slopes: Mapping[str, str],
     ) -> None:
-        """Sliders behind springs, in parallel: each a rate-independent coordinate with a contact.
+        """Expand sliders behind springs, in parallel: each is a rate-independent coordinate with a
+        contact.
 
         Parameters
         ----------
@@ -550,7 +551,7 @@ class _WrittenOut(Expansion):
         return int(count)
 
     def start(self, slider: str, slopes: Mapping[str, str]) -> None:
-        """Let the spring of a slider be relaxed at the start, and be shifted with the system."""
+        """Set the spring of a slider to be relaxed at the start, and shifted with the system."""
         try:
             weights = {x: float(slope) for x, slope in slopes.items()}
         except ValueError:
@@ -566,7 +567,7 @@ def _is_nothing(formula: Formula) -> bool:
 
 
 def _rounded(part: Sampled) -> str:
-    """The law of what is sampled, rounded to its quantum."""
+    """The law of a sampled variable, rounded to its quantum."""
     if _is_nothing(part.quantum):
         return str(part.law)
     return f"({part.quantum})*floor(({part.law})/({part.quantum}) + 0.5)"

@@ -33,11 +33,17 @@ from stickslip.model.quantities import (
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
 from stickslip.motion.between.formulas import Along, read_formula
+from stickslip.motion.record.slips import (
+    NODES_OF_STEP,
+    dry_contacts_of,
+    intervals_of_slip,
+    slipping_contacts,
+    slips_in,
+)
 from stickslip.motion.simulate import run_loop
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
 from stickslip.stopping.scopes import watching
-from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     import xarray
@@ -46,11 +52,9 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
-_EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
 _MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
 _LOOKS = 33  # at rates in a step
 _MOST_STEPS = 10_000_000  # events of a motion that is followed again
-_NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -300,12 +304,12 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
             "Give the rate above which an event is counted, like event_catalogue(faster_than=0.01)",
         )
     k = motion.knots
-    names, columns = _columns(motion)
-    slipping = _slipping(motion, [own[0] for own in columns])
-    runs = _runs(slipping, k.clock)
+    names, columns = dry_contacts_of(motion)
+    slipping = slipping_contacts(motion, [own[0] for own in columns])
+    runs = intervals_of_slip(slipping, k.clock)
     own = np.logical_or.reduceat(slipping, runs.ravel())[::2] if len(runs) else slipping[:0]
     # What has stuck all the time has not slipped, and its difference is rounding.
-    moved = _slips(motion, runs)
+    moved = slips_in(motion, runs)
     sizes = np.stack([np.linalg.norm(moved[:, own], axis=1) for own in columns], axis=1)
     sizes = np.where(own, sizes, 0.0)
     begun, ended = runs.T
@@ -577,7 +581,7 @@ def _integrals(watched: _Watched, start: Array, end: Array) -> Array:
     """Integrals over each stretch, shape (stretches, names), by Gauss's rule on every step."""
     motion = watched.motion
     clock = np.union1d(motion.knots.clock, _ends_of_series(motion))
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES_OF_STEP)
     found = np.zeros((len(start), len(watched.names)))
     for event, (begun, ended) in enumerate(zip(start.tolist(), end.tolist(), strict=True)):
         inside = clock[(clock > begun) & (clock < ended)]
@@ -585,101 +589,9 @@ def _integrals(watched: _Watched, start: Array, end: Array) -> Array:
         half = 0.5 * np.diff(edges)
         times = (edges[:-1] + half)[:, None] + half[:, None] * nodes
         index = np.searchsorted(motion.knots.clock, edges[:-1] + half, side="right") - 1
-        values = watched.values(times.ravel(), np.repeat(index, _NODES))
+        values = watched.values(times.ravel(), np.repeat(index, NODES_OF_STEP))
         found[event] = (half[:, None] * weights).ravel() @ values
     return found
-
-
-def _slipping(motion: Trajectory, numbers: list[int]) -> Array:
-    """Whether contacts, given by their numbers in the engine, slip from every knot on. What is open
-    says nothing."""
-    mode = motion.knots.slip
-    equations = motion.problem.compiled.equations
-    found = mode[:, numbers] != 0
-    for j, c in enumerate(numbers):
-        if equations.pressing(c) and not equations.rubs_alone(c):
-            found[:, j] &= np.any(mode[:, equations.pressing(c)] == 0, axis=1)
-    return found
-
-
-def _columns(motion: Trajectory) -> tuple[Array, list[list[int]]]:
-    """Names of the dry contacts, and the numbers of their components in the engine. Those that are
-    one have one name."""
-    equations = motion.problem.compiled.equations
-    groups: dict[str, list[int]] = {}
-    for i, (name, c) in enumerate(zip(equations.labels, equations.contacts, strict=True)):
-        if not c.opens:
-            groups.setdefault(name, []).append(i)
-    return np.array([*groups], dtype=object), [*groups.values()]
-
-
-def _runs(slips: Array, clock: Array) -> Array:
-    """Knots at which events begin and end, shape (events, 2): all contacts stick before and
-    after."""
-    slipping = np.any(slips, axis=1)
-    # A rest without duration is none.
-    lasts = np.append(np.diff(clock) > 0.0, True)
-    knots = np.flatnonzero(lasts)
-    change = np.flatnonzero(np.diff(slipping[knots].astype(int)))
-    edges = knots[change] + 1
-    begins = slipping[knots[change + 1]]
-    # One that had begun before the motion is left out, and one that is not at its end.
-    if len(edges) and not begins[0]:
-        edges = edges[1:]
-    return edges[: len(edges) // 2 * 2].reshape(-1, 2)
-
-
-def _slips(motion: Trajectory, runs: Array) -> Array:
-    """Slip of every contact in every event, shape (events, contacts): how far its sides have moved
-    past each other."""
-    k, values = motion.knots, motion.parameters
-    names = motion.system.declaration.state
-    moved = k.state[runs[:, 1]] - k.state[runs[:, 0]]
-    found = np.zeros((len(runs), k.mode.shape[1]))
-    for c, contact in enumerate(motion.problem.compiled.equations.contacts):
-        for x, weight in contact.direction.items():
-            found[:, c] += ex.evaluate(weight, values) * moved[:, names.index(x)]
-        if contact.speed is ex.ZERO:
-            continue
-        if contact.speed.symbols & {*names}:
-            found[:, c] -= _way_along(motion, contact.speed, runs)
-        else:
-            found[:, c] -= _way(contact.speed, values, k.clock[runs], k.origin)
-    return found
-
-
-def _way_along(motion: Trajectory, speed: ex.Expr, runs: Array) -> Array:
-    """Displacement of a surface with state-dependent speed in each of several intervals of knots,
-    shape (events, 2): by Gauss quadrature on every step."""
-    from stickslip.symbolic.evaluator import evaluator
-
-    k = motion.knots
-    d = motion.system.declaration
-    formula = evaluator([speed], [*d.state, "t", *d.parameters])
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    found = np.zeros(len(runs))
-    for event, (begun, ended) in enumerate(runs):
-        steps = np.arange(begun, ended)
-        half = 0.5 * np.diff(k.clock[begun : ended + 1])
-        times = (k.clock[steps] + half)[:, None] + half[:, None] * nodes
-        index = np.repeat(steps, _NODES)
-        states = motion._states_at(times.ravel() + k.origin, index)
-        given = [np.full(len(index), motion.parameters[p]) for p in d.parameters]
-        (rate,) = formula(np.array([*states.T, times.ravel() + k.origin, *given]))
-        found[event] = np.sum(half[:, None] * weights * np.reshape(rate, times.shape))
-    return found
-
-
-def _way(speed: ex.Expr, values: Mapping[str, float], clock: Array, origin: float) -> Array:
-    """Displacement of a surface in each of several time intervals, shape (events, 2)."""
-    if "t" not in speed.symbols:
-        return ex.evaluate(speed, values) * (clock[:, 1] - clock[:, 0])
-    from scipy.integrate import quad
-
-    def at(time: float) -> float:
-        return ex.evaluate(speed, {**values, "t": origin + time})
-
-    return np.array([quad(at, a, b, epsrel=_EXACT, limit=200)[0] for a, b in clock])
 
 
 def _interevent(start: Array) -> Array:

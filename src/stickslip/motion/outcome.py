@@ -162,6 +162,5 @@ class Outcome(Ended):
 
     @property
     def ok(self) -> bool:
-        """Whether what was asked for was computed: the whole time span, or what the motion settles
-        on."""
+        """Whether the requested computation succeeded: the whole time span, or an attractor."""
         return self in (Outcome.FINISHED, Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY)

@@ -58,10 +58,10 @@ class _Bench(threading.local):
         return _Bench, ()
 
 
-_MOST_BENCHES = 4  # of a system, each for one order and one number of doubtful thresholds
+_MOST_BENCHES = 4  # of a system, each for one order and one number of thresholds with guards
 _MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
 _MOST_CONSTANTS = 4  # sets of matrices of a system
-_MOST_ROWS = 64  # sets of rows of a system, whose doubtful ones depend on parameters
+_MOST_ROWS = 64  # sets of rows of a system, whose required ones depend on parameters
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
 _MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
@@ -156,7 +156,7 @@ class Problem:
     @cached_property
     def _bench(self) -> _Bench:
         # Motions of a system come one after the other, mostly.
-        sizes = self.order, len(self.rows.doubtful)
+        sizes = self.order, len(self.rows.required)
         return made_once(self.compiled, "bench", _Bench, sizes, _MOST_BENCHES)
 
     @cached_property
@@ -214,9 +214,9 @@ class Problem:
         alone = alone and all(p[MASSIVE] == 1 and p[FORMULA] < 0 for p in layout.planes)
         small = small and (n > _FEW_BESIDE_PLANES or not layout.planes)
         slots = slots if small and self.exact and alone else 0
-        doubtful, planes = len(self.rows.doubtful), len(layout.planes)
+        required, planes = len(self.rows.required), len(layout.planes)
         waves = layout.frequencies
-        return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, waves, planes)
+        return make_closed_forms(groups, slots, n, contacts, kinks, required, waves, planes)
 
     @property
     def has_quadratic_powers(self) -> bool:
@@ -246,12 +246,12 @@ class Problem:
             boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
             in_turn = int(self.system.impacts == "in turn")
             own = layout_rows(self.compiled)
-            return own._replace(doubtful=self._doubtful(boxes), in_turn=in_turn)
+            return own._replace(required=self._required(boxes), in_turn=in_turn)
 
         key = self.boxes is None, *given.items(), self.system.impacts
         return made_once(self.compiled, "rows of parameters", make, key, _MOST_ROWS)
 
-    def _doubtful(self, boxes: dict[str, tuple[float, float]]) -> Array:
+    def _required(self, boxes: dict[str, tuple[float, float]]) -> Array:
         """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may
         be inadmissible, for parameters in boxes."""
         layout = self.compiled.layout

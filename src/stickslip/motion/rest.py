@@ -59,9 +59,9 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
 
 
 def _stays(problem: Problem, knots: Knots) -> bool:
-    """Whether nothing moves, up to rounding, in a motion that has no closed forms: all velocities
-    vanish, and all other rates are rounding errors of their terms. Then the state, and with it
-    every guard, stays what it is."""
+    """Whether nothing moves, up to rounding errors, in a motion without closed forms: all
+    velocities vanish, and all other rates are rounding errors of their terms. Then the state, and
+    with it every guard, is constant."""
     from stickslip.motion.between.dense import make_scratch, sample
 
     layout = problem.compiled.layout

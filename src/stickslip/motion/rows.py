@@ -135,9 +135,9 @@ def _bodies(equations: MotionEquations) -> Array:
 def _contacts(
     equations: MotionEquations, layout: Layout
 ) -> tuple[Array, int, Array, Array, Array, Array, Array, int]:
-    """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, what opens, and what does
-    not, with how many of these have mass."""
+    """Indices of contacts: their first directions, the number with mass, the first direction of the
+    contact of each direction, all directions of each contact with their offsets, contacts that
+    open, and those that do not, with the number of these with mass."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -168,8 +168,8 @@ def _sets(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
 def _beside_planes(
     equations: MotionEquations, layout: Layout, watched: list[int]
 ) -> tuple[Array, Array]:
-    """Which directions one linear problem couples to friction in a plane; and of the coordinates
-    and gaps among the rows that bound steps, where the sizes of their second derivatives are."""
+    """Directions that a linear problem couples to friction in a plane; and the positions of the
+    sizes of second derivatives of the coordinates and gaps among the rows that bound steps."""
     turning = {i for plane in equations.planes for i in plane.parts}
     parts = [
         part
@@ -212,8 +212,8 @@ def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
 
 
 def _coupling(layout: Layout) -> tuple[Array, Array, Array, Array]:
-    """The components of the linear problems, what they have as members, where each contact
-    is, and which of their directions change on the way."""
+    """Components of the linear problems, their members, the component of each contact, and the
+    directions that change with the state or time."""
     parts = list[tuple[int, ...]]()
     members = list[int]()
     homes = np.full((len(layout.u), 2), -1, np.int64)
@@ -244,8 +244,8 @@ def _openings(layout: Layout) -> tuple[Array, Array]:
 
 
 def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
-    """What rubs under which normal force, where the links of each contact begin, the rows of the
-    coefficients, and which contacts have other forces, too."""
+    """Pairs of a friction contact and the normal force that it depends on, the first pair of each
+    contact, the rows of the coefficients, and the contacts that have other forces, too."""
     table = np.array([link[:2] for link in layout.links], dtype=np.int64).reshape(-1, 2)
     friction = np.array([link[2] for link in layout.links], dtype=np.int64).reshape(-1, 4)
     first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))

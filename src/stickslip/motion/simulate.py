@@ -158,8 +158,8 @@ def run_loop(
     max_events: int,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, Knots, BaseException | None]:
-    """Run the compiled loop chunk by chunk; what is done is kept if Ctrl-C or a limit of time ends
-    it.
+    """Run the compiled loop in chunks; if Ctrl-C or a time limit ends it, the part computed so far
+    is kept.
 
     The compiled loops count time from the origin of the problem.
 

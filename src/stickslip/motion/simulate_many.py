@@ -228,8 +228,8 @@ def follow_all(
     max_events: int,
     workers: int,
 ) -> tuple[Lane, Array, BaseException | None]:
-    """Follow motions with the parameters of the rows of a table: where they are at their end,
-    outcome codes, and the KeyboardInterrupt or TimeUp that ended those that have not come there.
+    """Simulate motions with the parameters in the rows of a table: their final states, outcome
+    codes, and the KeyboardInterrupt or TimeUp that ended unfinished ones.
 
     The span is counted from the origin of the problem.
 
@@ -256,10 +256,10 @@ def follow_all(
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
     ended: BaseException | None = None
     around = scope()
-    wish = np.zeros(1, np.int64)
+    interrupt = np.zeros(1, np.int64)
 
     def follow(block: slice) -> tuple[Lane, Array]:
-        with watching(wish=wish, around=around):
+        with watching(interrupt=interrupt, around=around):
             return follow_block(problem, table[block], states[block], span, max_events, slots)
 
     with ThreadPoolExecutor(workers) as pool:
@@ -269,7 +269,7 @@ def follow_all(
                 check_stop()
         except (KeyboardInterrupt, Stopped, TimeUp) as why:
             ended = why
-            wish[0] = 1
+            interrupt[0] = 1
         done = [future.result() for future in futures]
     now = type(done[0][0])(
         *(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True))

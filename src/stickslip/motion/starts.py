@@ -106,8 +106,8 @@ class _Openings:
 
 
 def put_on_contacts(problem: Problem, start: float, table: Array, states: Array) -> Array:
-    """States at which motions start, put onto the constraints and out of the overlaps that they
-    miss by rounding, as what is typed with a few digits does.
+    """Initial states projected onto constraints, and out of overlaps, that they miss by rounding,
+    such as that of numbers typed with few digits.
 
     Parameters
     ----------

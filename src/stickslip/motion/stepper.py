@@ -256,7 +256,7 @@ class Stepper:
             pieces.append(self._room.first(count).copied())
 
     def _take(self, given: Mapping[str, float], end: float) -> None:
-        """Let the constants be those of a step with these inputs."""
+        """Set the constants of a step to the given inputs."""
         for name, value in given.items():
             if name not in self._inputs:
                 reason = f"'{short(str(name))}' is not an input"

@@ -114,14 +114,14 @@ class Trajectory(Result):
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
 
     def _ends_of_tables(self) -> list[str]:
-        """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
-        for."""
+        """Tables whose argument is at or beyond an end where the motion ends, with that
+        argument."""
         equations = self.problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
         return ends_of_tables(equations.kinks, equations.speeds, values)
 
     def _jumps_at_the_end(self) -> list[str]:
-        """Jumps whose guards are zero at the end of the motion, as far as they are known."""
+        """Jumps whose guards are zero at the end of the motion, within their accuracy."""
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
         sizes = dict(zip(self.final, map(float, self._retraced.seen), strict=False)) | {
             "t": values["t"]
@@ -204,7 +204,7 @@ class Trajectory(Result):
         k = self.knots
         first = len(self.problem.compiled.equations.kinks)
         numbers = {first + i: key for key, i in self._switches.openings.items()}
-        struck = self._strikes
+        struck = self._impacts
         before = self._retraced.rows(k.clock[struck], struck - 1)
         after = self._retraced.rows(k.clock[struck], struck)
         rows = [self.problem.compiled.layout.u[k.cause[i] - first] for i in struck]
@@ -221,7 +221,7 @@ class Trajectory(Result):
         )
 
     @cached_property
-    def _strikes(self) -> Array:
+    def _impacts(self) -> Array:
         """Knots at which a gap has closed with a speed, so that velocities jump; not the last one
         where the motion ends because they cannot."""
         k = self.knots
@@ -236,7 +236,7 @@ class Trajectory(Result):
     def _leaps(self) -> Array:
         """Knots at which the state jumps, in impacts or declared jumps."""
         jumped = np.flatnonzero(np.any(self._switches.jumped, axis=1)) + 1
-        return np.union1d(self._strikes, jumped)
+        return np.union1d(self._impacts, jumped)
 
     @cached_property
     def jumps(self) -> pandas.DataFrame:
@@ -397,7 +397,8 @@ class Trajectory(Result):
         return values
 
     def _without_contact(self, values: dict[str, Array], index: Array) -> None:
-        """Let the forces of what is open be exactly zero: solving leaves rounding errors."""
+        """Set the forces of open contacts to exactly zero, which solving leaves at rounding
+        errors."""
         for key in self._switches.openings:
             is_open = self.modes[key][index] == IS_OPEN
             for kind in ("normal", *FORCES):
@@ -433,7 +434,7 @@ class Trajectory(Result):
         )
 
     def _attributes(self, name: str) -> dict[str, Any]:
-        """Unit and meaning of a published quantity; of a mode, what its numbers stand for."""
+        """Unit and meaning of a published quantity; for a mode, the meaning of its numbers."""
         contact = self._contact_of_mode.get(name)
         if contact is None:
             return quantity(self.system, name)

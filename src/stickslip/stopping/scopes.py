@@ -15,11 +15,11 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, TimeLimitError
 from stickslip.stopping.watchman import (
     Due,
-    Heard,
+    PreviousHandler,
     expect,
     expect_no_more,
-    hear,
-    hear_no_more,
+    listen,
+    stop_listening,
     thread_clock,
 )
 
@@ -48,14 +48,14 @@ class TimeUp(BaseException):
 
 
 class Watch:
-    """What a computation listens to.
+    """Flags and limits that a computation checks.
 
     Attributes
     ----------
-    wish, late : arrays of int, shape (1,)
+    interrupt, late : arrays of int, shape (1,)
         Not zero once a stop is requested, and once the time is up.
     keyboard : bool
-        Whether the wish is only that Python has a look at its signals.
+        Whether the interrupt is only that Python has a look at its signals.
     until : float
         When the time is up, by :func:`time.monotonic`; of processor time at the earliest.
     firm : bool
@@ -69,27 +69,27 @@ class Watch:
     """
 
     def __init__(
-        self, outer: Watch | None, limit: float, wish: Array | None, firm: bool = True
+        self, outer: Watch | None, limit: float, interrupt: Array | None, firm: bool = True
     ) -> None:
         self.limit = limit
         self.firm: bool = firm
         self.until: float = time.monotonic() + limit if limit < math.inf else math.inf
         self.owner: Watch = self
-        self.keyboard: bool = outer is None and wish is None
-        self.wish: Array = np.zeros(1, np.int64)
+        self.keyboard: bool = outer is None and interrupt is None
+        self.interrupt: Array = np.zeros(1, np.int64)
         self.late: Array = np.zeros(1, np.int64)
-        if wish is not None:
-            self.wish = wish
+        if interrupt is not None:
+            self.interrupt = interrupt
         elif outer is not None:
-            self.wish, self.keyboard = outer.wish, outer.keyboard
+            self.interrupt, self.keyboard = outer.interrupt, outer.keyboard
         self.inner: bool = outer is not None
         if outer is not None and outer.until <= self.until:
             self.until, self.firm = outer.until, outer.firm
             self.late, self.owner = outer.late, outer.owner
 
     def ends(self, why: BaseException) -> bool:
-        """Whether the computation of this scope is what ends, and not one that it is a part of:
-        its own time is up, or the user has interrupted the outermost one."""
+        """Whether the computation of this scope ends, and not one that it is a part of: its time is
+        up, or the user has interrupted the outermost one."""
         return why.scope is self if isinstance(why, TimeUp) else not self.inner
 
 
@@ -117,7 +117,7 @@ class watching:
     ----------
     limit : float, optional
         Seconds of wall-clock time.
-    wish : array of int, shape (1,), optional
+    interrupt : array of int, shape (1,), optional
         Somebody else's flag; by default that of the scope around it, or, in the main thread, one
         that Ctrl-C raises.
     around : Watch, optional
@@ -129,16 +129,16 @@ class watching:
     def __init__(
         self,
         limit: float | None = None,
-        wish: Array | None = None,
+        interrupt: Array | None = None,
         around: Watch | None = None,
         processor: bool = False,
     ) -> None:
         self._limit = limit
         self._processor = processor
-        self._wish = wish
+        self._interrupt = interrupt
         self._around = around
         self._before: Watch | None = None
-        self._heard: Heard | None = None
+        self._previous: PreviousHandler | None = None
         self._expected: Array | None = None
 
     def __enter__(self) -> Watch:
@@ -146,9 +146,9 @@ class watching:
         outer = self._around or self._before
         limit = math.inf if self._limit is None else self._limit
         clock = thread_clock() if self._processor else -1
-        inner = Watch(outer, limit, self._wish, firm=clock == -1)
+        inner = Watch(outer, limit, self._interrupt, firm=clock == -1)
         if outer is None and inner.keyboard:
-            self._heard = hear(inner.wish)
+            self._previous = listen(inner.interrupt)
         if inner.owner is inner and self._limit is not None:
             spent = time.clock_gettime(clock) + self._limit if clock != -1 else 0.0
             expect(Due(inner.until, inner.late, clock, spent))
@@ -159,15 +159,15 @@ class watching:
 
     def __exit__(self, *error: object) -> None:
         _here.scope = self._before
-        if self._heard is not None:
-            hear_no_more(self._heard)
+        if self._previous is not None:
+            stop_listening(self._previous)
         if self._expected is not None:
             expect_no_more(self._expected)
 
 
 @contextlib.contextmanager
 def limited(limit: float | None, what: str) -> Iterator[Watch]:
-    """A scope for what has no result unless it comes to its end.
+    """A scope for computations that have no result unless they are completed.
 
     Parameters
     ----------
@@ -215,17 +215,17 @@ def check_stop() -> bool:
     # A busy machine may have kept the watchman from raising the flag.
     if now.late[0] != 0 or (now.firm and time.monotonic() > now.until):
         raise TimeUp(now.owner)
-    if now.wish[0] == 0:
+    if now.interrupt[0] == 0:
         return False
     if not now.keyboard:
         raise Stopped
     # Python has had its look; a handler that wants to end the computation has raised something.
-    now.wish[0] = 0
+    now.interrupt[0] = 0
     return True
 
 
 def unbroken(call: Callable[[], _T]) -> _T:
-    """What a compiled call computes that is not cut short.
+    """Evaluate a compiled call, repeating it if it was interrupted.
 
     Parameters
     ----------
@@ -244,9 +244,9 @@ def unbroken(call: Callable[[], _T]) -> _T:
 def flagged(space: Any) -> Any:
     """Work space of compiled functions with the flags of this thread."""
     now = scope()
-    if space.wish is now.wish and space.late is now.late:
+    if space.interrupt is now.interrupt and space.late is now.late:
         return space
-    return space._replace(wish=now.wish, late=now.late)
+    return space._replace(interrupt=now.interrupt, late=now.late)
 
 
 def check_limit(limit: float | None) -> None:

@@ -55,7 +55,8 @@ def thread_clock() -> int:
 
 
 class _Watchman:
-    """Sleeps until a signal has come or a time is up, and raises the flag that stands for it."""
+    """A thread that sleeps until a signal arrives or a time is up, and raises the corresponding
+    flag."""
 
     def __init__(self) -> None:
         import socket
@@ -70,7 +71,7 @@ class _Watchman:
         threading.Thread(target=self._watch, name="stickslip watchman", daemon=True).start()
 
     def wake(self) -> None:
-        """Let it look at what is due."""
+        """Wake the thread so that it checks which flags are due."""
         with contextlib.suppress(BlockingIOError):  # it is being woken already
             self._rope.send(b"\0")
 
@@ -101,24 +102,24 @@ class _Watchman:
 
 
 _watchman: _Watchman | None = None
-_hiring = threading.Lock()
+_creating = threading.Lock()
 
 
-def _hired() -> _Watchman:
+def _instance() -> _Watchman:
     """The watchman of this process."""
     global _watchman
     if _watchman is not None:
         return _watchman
-    with _hiring:
+    with _creating:
         if _watchman is None:
             _watchman = _Watchman()
         return _watchman
 
 
 def _dismiss() -> None:
-    """A process that was forked has no such thread."""
-    global _watchman, _hiring
-    _watchman, _hiring = None, threading.Lock()
+    """Discard the thread in a forked process, which does not inherit it."""
+    global _watchman, _creating
+    _watchman, _creating = None, threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
@@ -126,42 +127,42 @@ if hasattr(os, "register_at_fork"):
 
 
 def expect(due: Due) -> None:
-    """Raise a flag at its time."""
-    watchman = _hired()
+    """Register a flag that is to be raised at its time."""
+    watchman = _instance()
     watchman.due[id(due.late)] = due
     watchman.wake()
 
 
 def expect_no_more(late: Array) -> None:
-    """Leave a flag as it is."""
+    """Cancel a registered flag."""
     if _watchman is not None:
         _watchman.due.pop(id(late), None)
 
 
-class Heard(NamedTuple):
-    """Who listened to signals before."""
+class PreviousHandler(NamedTuple):
+    """The previous receiver of signals."""
 
     watchman: _Watchman
     before: int
 
 
-def hear(wish: Array) -> Heard | None:
-    """Raise a flag at Ctrl-C from now on; None where nobody is told of signals: in any thread but
-    the main one."""
+def listen(interrupt: Array) -> PreviousHandler | None:
+    """Raise a flag at Ctrl-C from now on. Returns None in threads other than the main one, which
+    get no signals."""
     if threading.current_thread() is not threading.main_thread():
         return None
-    watchman = _hired()
+    watchman = _instance()
     try:
         before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
     except ValueError:  # the main thread of an interpreter in another one
         return None
     if before == watchman.rope:  # an exception came before it was given back
         before = -1
-    watchman.keyboard, watchman.others = wish, before
-    return Heard(watchman, before)
+    watchman.keyboard, watchman.others = interrupt, before
+    return PreviousHandler(watchman, before)
 
 
-def hear_no_more(heard: Heard) -> None:
-    """Give signals back to who listened to them before."""
-    heard.watchman.keyboard = None
-    signal.set_wakeup_fd(heard.before)
+def stop_listening(previous: PreviousHandler) -> None:
+    """Return signals to their previous receiver."""
+    previous.watchman.keyboard = None
+    signal.set_wakeup_fd(previous.before)

@@ -24,7 +24,7 @@ _TOGETHER = 32  # unknowns, at least, of a block of a matrix that has pivots of 
 
 
 def order_in_band(matrix: Any) -> tuple[Array, int] | None:
-    """An order of unknowns, and how far from the diagonal entries are in it; None if that is far.
+    """An order of unknowns, and the bandwidth in it; None if it is large.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def checked_basis(given: Any, columns: int) -> Array:
 
 
 def check_positive(mass: Symmetric, said: Any) -> None:
-    """Reject a mass that is not positive definite; `said` names a degree of freedom."""
+    """Reject a mass matrix that is not positive definite; `said` names a degree of freedom."""
     diagonal = mass.diagonal()
     if np.any(diagonal <= 0.0):
         worst = int(np.argmin(diagonal))

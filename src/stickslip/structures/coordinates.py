@@ -20,7 +20,7 @@ from stickslip.symbolic.formulas import Indexed, is_finite
 
 @dataclass(frozen=True)
 class BySymbols(Indexed):
-    """The unknowns of a structure as symbols: what they are called.
+    """The unknowns of a structure as symbols.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class InModes:
         return {self.name: InForms(self), f"d_{self.name}": InForms(self, "d_")}
 
     def weights(self, index: int) -> dict[int, float]:
-        """Of the modes that move an unknown, by number, how much."""
+        """Coefficients of an unknown in the modes that move it, by number of the mode."""
         row = self.structure.shape_at(index)
         large = np.abs(row) > LAST_DIGITS * np.max(np.abs(row), initial=0.0)
         return {int(i): float(row[i]) for i in np.flatnonzero(large)}
@@ -162,8 +162,8 @@ class InModes:
 def start_of(
     structures: Mapping[str, InModes], given: Mapping[str, float], section: str = "initial"
 ) -> dict[str, float]:
-    """Initial values of parts of the state, where some are given of unknowns: those of which
-    nothing is said are zero, if something is of their structure.
+    """Initial values of parts of the state, if some are given for unknowns: other unknowns of the
+    same structure are zero.
 
     Parameters
     ----------
@@ -198,7 +198,8 @@ def start_of(
 
 
 def _own_place(structures: Mapping[str, InModes], text: str, section: str) -> tuple[str, str, int]:
-    """``"d_"`` or nothing, the structure, and the index of the coordinate that an unknown is.
+    """``"d_"`` or an empty string, the structure, and the index of the coordinate that equals the
+    unknown.
 
     Raises
     ------
@@ -252,7 +253,7 @@ def _sum(terms: Iterable[str]) -> str:
 
 
 def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
-    """What an unknown, or its rate, is of modes, or their rates.
+    """Coefficients of an unknown, or of its rate, in the modes, or in their rates.
 
     Parameters
     ----------

@@ -177,8 +177,8 @@ class ModalDamping:
 
 
 def damping_of_shapes(damping: Array, shapes: Array) -> Array:
-    """What a positive semidefinite matrix is for shapes: shape (m,) where it does not couple them,
-    else (m, m).
+    """Projection of a positive semidefinite matrix onto shapes: shape (m,) if it does not couple
+    them, else (m, m).
 
     It is made as a product W Wᵀ of a root, so that it is positive semidefinite up to rounding of
     its own entries, even where rigid modes or few dashpots leave hardly anything of a row.

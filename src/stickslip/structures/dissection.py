@@ -23,7 +23,7 @@ _MANY = 10.0  # neighbours, in square roots of the number of all, that no level 
 
 @dataclass
 class _Graph:
-    """What is left to cut.
+    """The part of a graph that is not dissected yet.
 
     Attributes
     ----------
@@ -114,7 +114,8 @@ def _compressed(matrix: Any) -> tuple[Array, Array, Any]:
 
 
 def _depths(graph: _Graph, starts: Array) -> Array:
-    """How many edges each vertex is away from the nearest of some; -1 where no way leads."""
+    """Distance, in edges, of each vertex from the nearest of given vertices; −1 if there is no
+    path."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order
 
@@ -191,8 +192,7 @@ def _halves(place: Array, graph: _Graph, rest: Array, parts: int) -> Array:
 
 
 def _border(graph: _Graph, side: Array, parts: int) -> Array:
-    """Of each part the vertices of one side that touch the other, on the side where they are
-    fewer."""
+    """For each part, the boundary vertices of the side that has fewer of them."""
     e, part = graph.edges, graph.part
     rows = np.repeat(np.arange(len(side)), np.diff(e.indptr))
     some = (side[rows] == 1) & (side[e.indices] == 2)

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.structures.damping import ModalDamping, ProportionalDamping
 from stickslip.structures.matrices import Symmetric, is_sparse
-from stickslip.structures.structure import LeftOut, Structure, remember_modes
+from stickslip.structures.structure import LeftOut, Structure, attach_modes
 
 _KEYS = ("mass", "stiffness", "damping", "names", "unit", "keep", "modes", "method")
 _PACKED_KEYS = ("packed", "damping", "names", "unit", "left_out")
@@ -23,7 +23,7 @@ _MOST_BYTES = 2_000_000_000  # of arrays in one text
 
 
 def packed_structure(structure: Structure) -> dict[str, Any]:
-    """A structure as data for a model file: names and rules as they are, arrays in one packed text.
+    """A structure as data for a model file: names and rules as text, arrays in one packed string.
 
     The modes are stored, too: computed on another machine they differ by rounding, and with them
     the coordinates.
@@ -217,7 +217,7 @@ def _unpacked(table: Mapping[str, Any], where: str) -> Structure:
             raise DeclarationError(
                 "packed", "the packed modes do not match the structure", "Write the file again"
             )
-        remember_modes(made, squares.astype(float), modes.astype(float))
+        attach_modes(made, squares.astype(float), modes.astype(float))
     return made
 
 

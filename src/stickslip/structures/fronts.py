@@ -46,7 +46,7 @@ class Front:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """What elimination has found.
+    """Result of an elimination.
 
     Attributes
     ----------
@@ -117,6 +117,8 @@ def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
         front = fronts[number]
         k = front.last - front.first
         full = _assembled(lower, front, fronts, waiting)
+        # Cholesky is tried first: it fails only if the block is not positive definite, and is much
+        # faster than LDLᵀ.
         own, failed = dpotrf(full[:k, :k], lower=1, clean=1)
         if not failed:
             least = min(least, float(np.min(np.diag(own))) ** 2)
@@ -128,6 +130,7 @@ def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
             continue
         solving, factors = False, []
         pivots, rest = _indefinite(full, k)
+        # By Sylvester's law of inertia this counts the negative eigenvalues of the whole matrix.
         negative += int(np.count_nonzero(pivots < 0.0))
         least = min(least, float(np.min(np.abs(pivots))))
         if least == 0.0:
@@ -138,7 +141,7 @@ def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
 
 
 def _indefinite(full: Array, k: int) -> tuple[Array, Array]:
-    """Pivots of the first k unknowns of a front, and what is left of the others."""
+    """Pivots of the first k unknowns of a front, and the Schur complement for the others."""
     from scipy.linalg import ldl, solve_banded, solve_triangular
 
     lower, blocks, order = ldl(full[:k, :k], lower=True)
@@ -165,6 +168,7 @@ def _fronts(lower: Any, sizes: Array) -> list[Front]:
         below = lower.indices[lower.indptr[first] : lower.indptr[last]]
         touched = [below, *(fronts[part].border for part in parts[number])]
         border = np.unique(np.concatenate([some[some >= last] for some in touched]))
+        # The front is needed first where the earliest unknown of its border is eliminated.
         if len(border):
             parts[owner[border[0]]].append(number)
         fronts.append(Front(first, last, border, parts[number]))
@@ -193,6 +197,7 @@ def _assembled(lower: Any, front: Front, fronts: list[Front], waiting: dict[int,
     for part in front.parts:
         places = front.places(fronts[part].border)
         rest = waiting.pop(part).T
+        # Adding slices is many times faster than indexing, if the unknowns form few runs.
         runs = np.flatnonzero(np.diff(places, prepend=-2) != 1)
         if 8 * len(runs) > len(places):
             full[places[:, None], places] += rest

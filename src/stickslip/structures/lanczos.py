@@ -66,6 +66,8 @@ def vectors_of_largest(
         room[:, old:size] = new
         basis = room[:, :size]
         found = solve(mass @ new)
+        # All products with the basis, not only those that the recurrence needs: a recurrence of
+        # three terms loses orthogonality as vectors converge.
         across = basis.T @ (mass @ found)
         table = np.block([[table, across[:old]], [across[:old].T, across[old:]]])
         found -= basis @ across
@@ -86,10 +88,14 @@ def vectors_of_largest(
             if nearer and 2 * size >= 3 * count:
                 better, nearer = nearer(values[:count]), None
             if better:
+                # Ritz vectors of the old operator start the new one: both have the same
+                # eigenvectors.
                 solve, size, table = better, 0, np.zeros((0, 0))
                 found = basis @ ritz[:, :width]
                 continue
             if size + width > room.shape[1]:
+                # Thick restart: the wanted Ritz vectors and half of the others, so that convergence
+                # continues where it was.
                 size = count + (size - count) // 2
                 room[:, :size] = basis @ ritz[:, :size]
                 table = np.diag(values[:size])
@@ -97,10 +103,11 @@ def vectors_of_largest(
 
 
 def _orthonormal(found: Array, basis: Array, mass: Any) -> Array:
-    """As many vectors of unit mass, orthogonal to those of the basis: combinations of what was
-    found, and any others where these depend on each other."""
+    """As many vectors of unit mass, orthogonal to the basis: combinations of the given ones,
+    completed by arbitrary ones if these are linearly dependent."""
     root = np.sqrt(mass.diagonal())[:, None]  # in these units no mass matrix is far from unity
     for _ in range(5):
+        # QR first: vectors of very different lengths would make the Gram matrix singular.
         found = np.linalg.qr(root * found)[0] / root
         found = found - basis @ (basis.T @ (mass @ found))
         parts, ways = np.linalg.eigh(found.T @ (mass @ found))

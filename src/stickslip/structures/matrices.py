@@ -61,7 +61,7 @@ def _bytes(count: float) -> str:
 
 
 def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
-    """A symmetric matrix of finite numbers, that nobody can change.
+    """A symmetric matrix of finite numbers, read-only.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def lowest_modes(
 
 
 def rounding(stiffness: Symmetric, mass: Symmetric) -> float:
-    """What ω² of a rigid mode may be, by rounding."""
+    """Bound of ω² of a rigid mode due to rounding errors."""
     n = stiffness.shape[0]
     top = float(np.max(np.abs(stiffness.diagonal()) / mass.diagonal()))
     return 8.0 * np.sqrt(n) * np.finfo(float).eps * top

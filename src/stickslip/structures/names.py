@@ -16,7 +16,7 @@ _ENTRY = re.compile(r"\s*(d_)?([A-Za-z]\w*)\s*\[\s*(\w+)\s*\]\s*\Z")
 
 
 def entry_of(text: str, structures: Mapping[str, AnyPart]) -> tuple[str, str, int]:
-    """What a name like ``d_u[tip]`` means: ``"d_"`` or nothing, the structure, the index.
+    """Parse a name such as ``d_u[tip]``: ``"d_"`` or an empty string, the structure, the index.
 
     Raises
     ------

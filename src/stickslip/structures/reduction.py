@@ -58,10 +58,13 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> InShapes
         squares, modes = lowest_modes(inner, block_of(m, free, free), wanted, factor)
         first = float(np.sqrt(squares[count])) if len(squares) > count else np.inf
         across = _full(block_of(k, free, held))
+        # Displacements of the others under unit displacements of kept unknowns: with these shapes
+        # the reduced structure has the exact static stiffness.
         static = -factor.solve(across)
         shapes[free, :b] = static
         shapes[free, b:] = modes[:, :count]
         stiffness[:b, :b] += across.T @ static
+        # Constraint modes and fixed-interface modes are orthogonal with respect to K.
         stiffness[range(b, b + count), range(b, b + count)] = squares[:count]
     return (
         shapes,
@@ -107,8 +110,8 @@ def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
 
 
 def _static_error(structure: Structure, keep: list[int], squares: Array, shapes: Array) -> float:
-    """By how much displacements of kept unknowns under forces on these are too small, without the
-    rigid modes."""
+    """Largest relative error of static displacements of kept unknowns under forces on these,
+    without rigid modes."""
     n = structure.coordinates
     forces = np.zeros((n, len(keep)))
     for j, i in enumerate(keep):
@@ -119,6 +122,7 @@ def _static_error(structure: Structure, keep: list[int], squares: Array, shapes:
     m = structure.mass
     rigid = shapes[:, squares == 0.0]
     elastic, own = shapes[:, squares > 0.0], squares[squares > 0.0]
+    # Forces without a resultant: only these have a static displacement, up to a rigid motion.
     forces -= m @ (rigid @ (rigid.T @ forces))
     factor, shift = _regular(structure)
     moved = factor.solve(forces)

@@ -473,8 +473,8 @@ class Structure:
         return self.summary()._repr_html_()
 
 
-def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
-    """Let a structure that has just been made have modes that are known.
+def attach_modes(structure: Structure, squares: Array, modes: Array) -> None:
+    """Attach known modes to a new structure.
 
     Parameters
     ----------
@@ -489,7 +489,7 @@ def _remade(parts: dict[str, Any], modes: tuple[Array, Array] | None) -> Structu
     """A structure from another process, with the same modes."""
     made = Structure(**parts)
     if modes is not None:
-        remember_modes(made, *modes)
+        attach_modes(made, *modes)
     return made
 
 
@@ -511,7 +511,7 @@ def _some(texts: Sequence[str]) -> str:
 
 
 def _indices(names: Any) -> dict[str, int]:
-    """Names with their indices; what is wrong with them is said once sizes are known."""
+    """Names with their indices, not yet checked against sizes."""
     if isinstance(names, Mapping):
         return dict(names)
     listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else []

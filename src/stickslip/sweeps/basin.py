@@ -37,7 +37,7 @@ from stickslip.progress import told
 from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
-from stickslip.sweeps.request.measures import LACKING, known_for_a_time
+from stickslip.sweeps.request.measures import MISSING, known_for_a_time
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
@@ -224,7 +224,7 @@ def basin(
         interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, _NOT_COMPUTED)
-    lacks = np.full(done.size, LACKING.index("result"))
+    lacks = np.full(done.size, MISSING.index("result"))
     reached = []
     if np.any(done):
         found = _settled(problem, store, done)
@@ -510,8 +510,8 @@ def _dataset(
     }
     lacked = {
         "long_name": "failed criterion of the certificate",
-        "flag_values": np.arange(len(LACKING), dtype=np.int8),
-        "flag_meanings": " ".join(text.replace(" ", "_") for text in LACKING),
+        "flag_values": np.arange(len(MISSING), dtype=np.int8),
+        "flag_meanings": " ".join(text.replace(" ", "_") for text in MISSING),
     }
     shape = tuple(map(len, axes.values()))
     data: dict[str, object] = {

@@ -22,7 +22,7 @@ from stickslip.model.entries.units import with_unit
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
 from stickslip.results import CERTIFICATE, COMPLETION, PLAIN, Completion, Result, shortened
-from stickslip.sweeps.request.measures import LACKING, measures_of
+from stickslip.sweeps.request.measures import MISSING, measures_of
 from stickslip.sweeps.request.records import SCALE, record_axis
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
     }
     result["median"].attrs = {"units": data[along].attrs.get("units", "1")}
     computed = data["outcome"].values >= 0
-    bad = (data["lacking"].values != LACKING.index("nothing")) & computed & there.values
+    bad = (data["lacking"].values != MISSING.index("nothing")) & computed & there.values
     counts = {
         "motions not certified": int(np.count_nonzero(bad)),
         "motions without a value": int(np.count_nonzero(~there.values)),

@@ -21,7 +21,7 @@ from stickslip.model.system_file import SYSTEM
 from stickslip.motion.outcome import Outcome
 from stickslip.results import PLAIN, Completion, Result, shortened
 from stickslip.storage import PREFIX
-from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
+from stickslip.sweeps.request.measures import MISSING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
 from stickslip.sweeps.request.records import record_axis
 from stickslip.sweeps.store import read_map
@@ -131,9 +131,9 @@ class Map(Result):
     def lacking(self) -> dict[str, int]:
         """Number of computed points that fail each criterion of the certificate."""
         lacks = self.dataset["lacking"].values.ravel()[self._codes >= 0]
-        counts = np.bincount(lacks, minlength=len(LACKING))
+        counts = np.bincount(lacks, minlength=len(MISSING))
         return {
-            name: int(count) for name, count in zip(LACKING[1:], counts[1:], strict=True) if count
+            name: int(count) for name, count in zip(MISSING[1:], counts[1:], strict=True) if count
         }
 
     @cached_property

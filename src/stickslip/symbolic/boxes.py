@@ -68,7 +68,7 @@ def _box(interval: Any, ranges: Mapping[str, Any]) -> Box:
 
 
 def between(start: Box, end: Box, slope: Box, width: Array) -> Box:
-    """What a function lies in on boxes, from its values at both ends and its slopes.
+    """Enclosure of a function on boxes, from its values at both ends and its slopes.
 
     Below it are two lines, one from each end. Any place divides a box: before it, the function is
     at least what the line from the start has there, after it what the line to the end has. At the
@@ -80,12 +80,14 @@ def between(start: Box, end: Box, slope: Box, width: Array) -> Box:
 
 
 def _above_lines(start: Array, end: Array, slope: Box, width: Array) -> Array:
+    # With 0 among the slopes the lines fall away from both ends, so that they meet in the box.
     least, most = np.minimum(slope[0], 0.0), np.maximum(slope[1], 0.0)
     with np.errstate(all="ignore"):
         place = np.nan_to_num(np.clip((most * width - (end - start)) / (most - least), 0.0, width))
         before = least * place
         after = most * (width - place)
         low = np.minimum(start + before, end - after)
+        # Rounding errors of this bound itself: the result stays a rigorous enclosure.
         low -= LOOSE * (np.maximum(np.abs(start), np.abs(end)) + np.abs(before) + np.abs(after))
     low = np.where(least == 0.0, start, np.where(most == 0.0, end, low))
     return np.where(np.isfinite(low), low, -math.inf)
@@ -121,8 +123,8 @@ def deviation(start: Array, end: Array, value: Box, slope: Box, width: Array) ->
 
 
 class Chord(NamedTuple):
-    """An array that varies, on m stretches: its values at both ends, and how far it is from the
-    line between them.
+    """An array that varies on m intervals: its values at both ends, and bounds of its deviation
+    from linear interpolation.
 
     All of shape (m, ...).
     """
@@ -147,8 +149,8 @@ def value_rows(expressions: list[Expr], u: Array) -> Array:
 def deviations(
     expressions: list[Expr], name: str, low: Array, high: Array, start: Array, end: Array
 ) -> Array:
-    """How far expressions can be from the straight lines between their values at both ends of
-    stretches.
+    """Bounds of the deviations of expressions from linear interpolation between their values at
+    both ends of intervals.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ def bounds(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> tuple
 
 
 def sure_sign(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> int:
-    """1 or −1 if an expression is seen to have that sign wherever names have numbers in the given
-    ranges, even if it comes as near to zero as may be, as 1 − tanh x does; else 0.
+    """1 or −1 if an expression provably has that sign for all numbers in the given ranges, even if
+    it is arbitrarily close to zero, as 1 − tanh x is; else 0.
 
     Strictly monotone functions do not reach their limits.
     """
@@ -265,8 +265,8 @@ def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
 
 
 def slope_of_function(row: Function, a: Interval, of: Intervals) -> Interval:
-    """What the derivative of a function of the table lies in, and all quotients of differences: so
-    it is unbounded across a pole."""
+    """Enclosure of the derivative of a function of the table and of all its difference quotients,
+    which are unbounded across a pole."""
     body = row.shown_slope
     slope = Enclosure([body], {ARGUMENT: of.inside(row, a)}, of).values[body]
     return slope if row.poles is None else of.unless(of.passes(a, *row.poles), slope)

@@ -34,7 +34,8 @@ _STRICT = 1.0  # value of a select that is `below` where its guard is 0
 
 
 class Expr:
-    """One node of an expression tree; build it with the functions of this module, never directly.
+    """A node of an expression tree. Build expressions with the functions of this module, never
+    directly.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class Expr:
 
     @property
     def strict(self) -> bool:
-        """Of a select, whether it is `below`, not `above`, where its guard is 0."""
+        """Whether a select is `below`, not `above`, if its guard is 0."""
         return self.value == _STRICT
 
     def terms_with(self, name: str) -> list[tuple[Expr, float]]:
@@ -129,7 +130,8 @@ class Expr:
         return to_text(self)
 
     def __reduce__(self) -> tuple[Callable[..., Expr], tuple[object, ...]]:
-        """A copy, or what another process reads, is the one object that equal expressions are."""
+        """Copies, and objects that another process reads, are the unique object of equal
+        expressions."""
         return _node, (self.op, self.value, self.args, self.terms)
 
 
@@ -219,7 +221,7 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
 
 def _into_branches(constant: float, terms: Mapping[Expr, float], kept: Terms) -> Expr | None:
     """A sum in which terms cancel in a branch of a select, as in u − clip(u, −2, 2): these terms
-    belong to the branches, so that nothing is left of them there, not even rounding errors."""
+    are moved into the branches, where they cancel exactly, without rounding errors."""
     for e, c in kept:
         if e.op == "select":
             gone = {
@@ -295,7 +297,7 @@ def multiply(*factors: Expr) -> Expr:
 
 
 def _root(e: Expr) -> tuple[Expr, float] | None:
-    """What a root, or another power that is not whole, is taken of, and its exponent."""
+    """Base and exponent of a root, or of another power with a fractional exponent."""
     is_root = e.op == "prod" and len(e.terms) == 1 and not e.terms[0][1].is_integer()
     return e.terms[0] if is_root else None
 
@@ -386,7 +388,7 @@ def _joins(guard: Expr, above: Expr, below: Expr) -> bool:
 
 
 def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
-    """What the known region of its guard makes of a select.
+    """Simplify a select by the known region of its guard.
 
     Parameters
     ----------
@@ -497,13 +499,13 @@ def at(body: Expr, argument: Expr) -> Expr:
 
 
 def has_pieces(e: Expr) -> bool:
-    """Whether a node is more than its derivatives tell: it has branches or jumps."""
+    """Whether a node has branches or jumps, which derivatives do not show."""
     return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].jumps)
 
 
 def bends(e: Expr, names: Iterable[str]) -> bool:
-    """Whether an expression has branches or jumps in some names, of which a derivative that is
-    constant says nothing."""
+    """Whether an expression has branches or jumps in some names, which a constant derivative does
+    not show."""
     names = frozenset(names)
     return any(has_pieces(n) and n.symbols & names for n in walk([e]))
 
@@ -677,8 +679,8 @@ def inside(e: Expr, known: Mapping[Expr, float]) -> float:
 
 
 def wrapped_parts(e: Expr) -> Terms | None:
-    """The terms of an argument of which whole periods may be left out one by one: of what is only
-    the argument without its periods, so that these take no digits of it."""
+    """Terms of an argument from which whole periods may be removed separately, if the argument
+    occurs only without its periods, so that these cost no digits."""
     if e.op not in FUNCTIONS or e.args[0].op != "sum":
         return None
     row = FUNCTIONS[e.op]
@@ -762,7 +764,7 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
 
 
 def _called(e: Expr) -> str | None:
-    """How formulas call a select between the pieces of a table."""
+    """Name and arguments of a select between the pieces of a table, as in formulas."""
     guard, above, below = e.args
     gate, one, other = (FUNCTIONS.get(x.op) for x in (guard, above, below))
     if gate is None or one is None or other is None or not gate.sampled:

@@ -73,8 +73,8 @@ _RESERVED = frozenset(_CONSTANTS) | {"t", "speed"}
 
 
 def builtins() -> dict[str, int | None]:
-    """The functions of the language with the number of their arguments (None: at least one): those
-    of the table, and those that are made of others."""
+    """Functions of the language with the number of their arguments (None: at least one): those of
+    the table, and those composed of others."""
     made = {name: None if s.several else len(s.arguments) for name, s in STRUCTURES.items()}
     return made | dict.fromkeys(language(), 1) | {"piecewise": None}
 
@@ -84,11 +84,11 @@ class TimeFunction(ABC):
 
     @abstractmethod
     def at(self, t: Expr) -> Expr:
-        """Its value as an expression of an expression that increases with time."""
+        """The value as an expression of one that increases with time."""
 
     @abstractmethod
     def covers(self, start: float, stop: float) -> bool:
-        """Whether it says something of all times in a span."""
+        """Whether it determines all times in a span."""
 
     @abstractmethod
     def count(self, start: float, stop: float) -> int:
@@ -114,7 +114,7 @@ class TableFunction(ABC):
 
     @abstractmethod
     def at(self, arguments: Sequence[Expr], read: Callable[[object], Expr]) -> Expr:
-        """Its value as an expression of others; `read` reads formulas that stand in it.
+        """The value as an expression of others; `read` parses formulas in it.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Indexed(ABC):
 
     @abstractmethod
     def entry(self, key: int | str) -> Expr:
-        """The entry with a number, from 0 on, or with a name.
+        """The entry with a number, counted from 0, or with a name.
 
         Raises
         ------
@@ -220,7 +220,7 @@ class Scope:
         return _Reader(self, where, {}).read(text)
 
     def check(self, name: str) -> None:
-        """Read a definition with its own arguments, so that a slip is found even if nothing uses
+        """Parse a definition with its arguments, so that an error is found even if nothing uses
         it."""
         self._work = 0
         definition = self.definitions[name]
@@ -286,8 +286,8 @@ def is_finite(value: object) -> TypeGuard[float]:
 
 
 def compared(text: str, where: str) -> tuple[str, str, str]:
-    """The two sides of a comparison, and its sign between them; each side may hold comparisons of
-    its own, in brackets.
+    """The two sides of a comparison, and its sign between them; each side may contain further
+    comparisons in brackets.
 
     Raises
     ------
@@ -426,7 +426,7 @@ class _Reader:
             ) from None
 
     def tree(self, expression: Expr) -> Expr:
-        """An expression whose names mean what they mean in a text."""
+        """An expression whose names have their meanings in formulas."""
         if expression.depth > _MAX_HEIGHT:
             raise self.fail("the expression is too deeply nested", "Simplify the formula")
         meaning = {name: self.name(name) for name in sorted(expression.symbols)}
@@ -563,7 +563,7 @@ class _Reader:
         raise self.fail(f"unknown name '{short(name)}'", remedy)
 
     def entry(self, name: str, index: ast.expr) -> Expr:
-        """One of the numbers of a vector."""
+        """One component of a vector."""
         if name not in self.scope.vectors:
             if name in self.scope.forbidden:
                 raise self.fail(f"'{name}' is not allowed here", self.scope.forbidden[name])
@@ -656,9 +656,8 @@ def _sum(terms: list[tuple[Expr, float]]) -> Expr:
 
 
 def _parts(text: str) -> tuple[list[tuple[str, float]], list[tuple[int, int]]]:
-    """The terms of a formula with their signs, and where the insides of those outermost brackets
-    begin and end that hold one value; the text as it is if it is not a formula.
-    """
+    """Terms of a formula with their signs, and the places of the contents of those outermost
+    brackets that contain one value; the text itself if it is not a formula."""
     depth = place = start = begin = 0
     ends = listed = False  # whether an operand ends here; whether there are commas in the bracket
     sign = 1.0

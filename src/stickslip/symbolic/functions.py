@@ -6,7 +6,7 @@ says what nobody can derive: value, derivative, and how its values run. The rest
 * derivatives of all orders, and slopes on intervals, from the formula of the derivative;
 * enclosures from the values at the ends, where the function is monotone; else from the slope;
 * the Taylor series from the chain rule, y′ = f′(x) x′, with the series of that formula;
-* how far values stray on a disc of complex numbers from the mean value, |f(z) − f(c)| ≤ r sup|f′|.
+* bounds of the deviation on a complex disc, |f(z) − f(c)| ≤ r sup|f′|.
 
 A few functions are closer to their derivatives than that, and have a `recurrence` and a `growth` of
 their own. Whatever is not of this table is structure, not a function: sums and powers
@@ -39,7 +39,8 @@ _WITHOUT_TURNS = "2*atan(tan(x/2))"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Function:
-    """One row: a function of one real argument, analytic where it is defined (kinks are structure).
+    """A row of the table: a function of one real argument, analytic where it is defined (kinks are
+    expressed by selects).
 
     Attributes
     ----------
@@ -116,23 +117,23 @@ class Function:
 
     @property
     def jumps(self) -> bool:
-        """Whether its derivative does not say all of how it changes."""
+        """Whether it changes in ways that its derivative does not show."""
         return self.poles is not None
 
     @property
     def unit(self) -> tuple[str, int]:
-        """Unit of the values, if they are tabulated, and the power of the unit of the argument
-        besides; of any other function nothing is known."""
+        """Unit of the values, if they are tabulated, and the power of the unit of the argument in
+        it; empty for other functions."""
         return "", 0
 
     @property
     def tabulated(self) -> bool:
-        """Whether its values were measured, and may be in any unit, of what is in any unit."""
+        """Whether its values are data, so that values and argument may have any units."""
         return False
 
     @property
     def sampled(self) -> bool:
-        """Whether it says in which piece of a table a place is."""
+        """Whether it reports in which piece of a table a place is."""
         return False
 
     @property
@@ -142,7 +143,7 @@ class Function:
 
     @property
     def kinked(self) -> bool:
-        """Whether it says so of a function with kinks in between."""
+        """Whether it reports the piece of a function with kinks in between."""
         return False
 
     def joins(self, above: Expr, below: Expr) -> bool:
@@ -150,8 +151,8 @@ class Function:
         return False
 
     def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
-        """What a select of which it is the guard lies in, where that is known better than from its
-        branches; `values` are the intervals of all that is in it."""
+        """Enclosure of a select with this function as its guard, if it is tighter than that of its
+        branches; `values` are the intervals of all names in it."""
         return None
 
     @property
@@ -164,8 +165,8 @@ class Function:
         return self.value(x)
 
     def ieee(self, x: float) -> float:
-        """The value, with what it comes to in place of an overflow or at the end of the domain, and
-        NaN where it is undefined: what has poles or repeats comes to nothing."""
+        """The value, with its limit in place of an overflow or at the end of the domain, and NaN
+        where it is undefined; functions with poles or periods have no limit."""
         try:
             return self.value(x)
         except OverflowError:
@@ -197,8 +198,8 @@ class Function:
         return self.latex or rf"\operatorname{{{self.name}}}"
 
     def enclosed(self, a: Interval) -> Interval | None:
-        """What its values on an interval lie in, where the row knows better than what follows from
-        `limits`; on intervals of arrays, too."""
+        """Enclosure of the values on an interval, if it is tighter than the one derived from
+        `limits`; also for intervals of arrays."""
         return None
 
     @cached_property
@@ -229,7 +230,7 @@ class Function:
 
     @cached_property
     def shown_slope(self) -> Expr:
-        """The derivative, as it is shown and enclosed."""
+        """The derivative in the form that is printed and enclosed."""
         return self._read(self.shown) if self.shown else self.slope
 
     @cached_property
@@ -238,8 +239,8 @@ class Function:
         return self._read(self.relative) if self.relative else None
 
     @cached_property
-    def stray(self) -> Callable[[Function, Any, Any], Any]:
-        """The function that `growth` names."""
+    def deviation_rule(self) -> Callable[[Function, Any, Any], Any]:
+        """The function named by `growth`, which bounds deviations."""
         return resolve_name(self.growth)
 
     def _read(self, text: str) -> Expr:

@@ -55,7 +55,7 @@ _NUMBERS = SimpleNamespace(
 
 
 class Intervals:
-    """Operations on intervals whose ends are what `ops` works on."""
+    """Operations on intervals whose ends are of the type of `ops`."""
 
     def __init__(self, ops: Any) -> None:
         self.ops = ops

@@ -44,10 +44,10 @@ def growth(expression: Expr, name: str, start: Array, end: Array, radius: Array)
     nodes = list(ex.walk([expression]))
     with np.errstate(all="ignore"):
         one_branch = _one_branch([e.args[0] for e in nodes if e.op == "select"], name, start, end)
-        return _strays(nodes, name, 0.5 * (start + end), radius, one_branch)[1][expression]
+        return _deviations(nodes, name, 0.5 * (start + end), radius, one_branch)[1][expression]
 
 
-def _strays(
+def _deviations(
     nodes: list[Expr], name: str, middle: Array, radius: Array, one_branch: Known
 ) -> tuple[Known, Known]:
     """Values of nodes in the middle, and bounds of their deviation."""
@@ -106,18 +106,21 @@ def _bound(e: Expr, values: Known, bounds: Known) -> Array:
             return np.exp(values[exponent] * log + total) * -np.expm1(-total)
         case _:
             row = FUNCTIONS[e.op]
-            return row.stray(row, values[e.args[0]], bounds[e.args[0]])
+            return row.deviation_rule(row, values[e.args[0]], bounds[e.args[0]])
 
 
 def _of_power(a: Array, b: Array, p: float) -> Array:
     """(a + δ)^p − a^p for |δ| ≤ b."""
     if p > 0.0 and float(p).is_integer():
+        # (|a| + b)ᵖ − |a|ᵖ, without cancellation for small b.
         size = np.abs(a) ** p
         share = b / np.abs(a)
         return np.where(
             share < 1.0, size * np.expm1(p * np.log1p(share)), (np.abs(a) + b) ** p - size
         )
     whole = float(p).is_integer()
+    # Analytic only in a disc that does not contain 0, where the power has a pole or a branch point.
+    # The series of (1 − x)^(−|p|) majorises that of (1 + x)ᵖ.
     inside = (b < np.abs(a)) & ((a > 0.0) | whole)
     return np.where(inside, np.abs(a) ** p * np.expm1(-abs(p) * np.log1p(-b / np.abs(a))), np.inf)
 
@@ -134,7 +137,7 @@ def by_mean_value(row: Function, a: Array, b: Array) -> Array:
     slope = row.shown_slope
     nodes = list(ex.walk([slope]))
     kinks = {e.args[0]: np.zeros(len(a), bool) for e in nodes if e.op == "select"}
-    values, bounds = _strays(nodes, ARGUMENT, a, b, kinks)
+    values, bounds = _deviations(nodes, ARGUMENT, a, b, kinks)
     return b * (np.abs(values[slope]) + bounds[slope])
 
 
@@ -153,7 +156,7 @@ def by_addition(row: Function, a: Array, b: Array) -> Array:
     b."""
     value, slope = evaluator([ex.call(row.name, ex.sym(ARGUMENT)), row.slope], [ARGUMENT])(a[None])
     odd = np.sinh(b)
-    even = 2.0 * np.sinh(0.5 * b) ** 2
+    even = 2.0 * np.sinh(0.5 * b) ** 2  # cosh b − 1 without cancellation
     return np.abs(slope) * odd + np.abs(value) * even
 
 
@@ -162,6 +165,7 @@ def of_tan(row: Function, a: Array, b: Array) -> Array:
     odd = np.sinh(b)
     even = 2.0 * np.sinh(0.5 * b) ** 2
     c = np.abs(np.cos(a))
+    # |cos(a + δ)| is at least this; the tangent has a pole where it vanishes.
     room = c - (np.abs(np.sin(a)) * odd + c * even)
     return np.where(room > 0.0, odd / (c * room), np.inf)
 
@@ -176,5 +180,6 @@ def of_tanh(row: Function, a: Array, b: Array) -> Array:
 def beside_i(row: Function, a: Array, b: Array) -> Array:
     """For asinh and atan, which are singular at ±i: |f′| is at most the reciprocal of the
     distance."""
+    # ∫ ds/(far − s) along δ bounds the change.
     far = np.hypot(1.0, a)
     return np.where(b < far, -np.log1p(-b / far), np.inf)

@@ -32,7 +32,7 @@ _SPEED = re.compile(r"speed:\d+")  # of a contact, by its number
 
 @dataclass(frozen=True, kw_only=True)
 class Pieced:
-    """One function.
+    """A function with pieces.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def _most(first: Expr, *others: Expr) -> Expr:
 
 
 def _two(x: Expr, above: float, below: float) -> Expr:
-    """One number where x ≥ 0, another below."""
+    """One number for x ≥ 0, another for x < 0."""
     return ex.select(x, ex.num(above), ex.num(below))
 
 
@@ -92,7 +92,7 @@ def _sign(x: Expr) -> Expr:
 
 
 def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
-    """One thing where the whole part of u is even, another where it is odd.
+    """One expression for an even integer part of u, another for an odd one.
 
     Without the wrap, sin πu would be the same function, but not exactly 0 at whole numbers.
     """
@@ -100,8 +100,8 @@ def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
 
 
 def _on_grid(u: Expr) -> Expr:
-    """The same to rounding, with a constant to which quarters are added without any: so it is seen
-    what is a period later."""
+    """The same up to rounding, with a constant to which quarters are added exactly, so that a shift
+    by one period is recognised."""
     if u.op != "sum":
         return u
     constant = float(u.value)
@@ -199,7 +199,7 @@ _WRAP, _EASE = "wrap", "ease"  # rows of the table
 
 @lru_cache(maxsize=4096)
 def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
-    """Name and arguments of a function with pieces, as a formula has it; None of what is not
+    """Name and arguments of a function with pieces, as in formulas; None if it is not
     recognised."""
     if e.op == _EASE:
         (u, *_) = (n for n in _branches(e.args[0]) if n.op != "num")
@@ -239,7 +239,7 @@ def _branches(e: Expr) -> list[Expr]:
 
 
 def unwrapped(guard: Expr) -> Expr:
-    """A guard as it is shown: sin πu."""
+    """A guard as it is printed: sin πu."""
 
     def plain(e: Expr) -> Expr | None:
         return e.args[0] if e.op == _WRAP else None
@@ -268,9 +268,9 @@ def shown(e: Expr) -> str:
 
 @lru_cache(maxsize=4096)
 def periodic_form(e: Expr) -> Expr:
-    """The same function but for its values at jumps, such that what repeats in it is seen: whole
-    parts as what goes on less what repeats, guards without their wraps, and signs of branches in
-    front."""
+    """The same function except for its values at jumps, in a form that shows its periodic part:
+    integer parts as the argument minus a periodic function, guards without their wraps, and signs
+    of branches in front."""
 
     def change(node: Expr) -> Expr | None:
         spelling = spelled(node)

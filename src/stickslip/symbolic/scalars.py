@@ -82,7 +82,7 @@ def element(name: str, *index: int) -> Scalar:
 
 
 def added(terms: Iterable[Scalar]) -> Scalar:
-    """A sum; 0 of nothing."""
+    """A sum; 0 if empty."""
     terms = tuple(terms)
     return terms[0] if len(terms) == 1 else Scalar("sum", terms) if terms else numeral(0.0)
 
@@ -214,7 +214,8 @@ class _Lowering:
         return self.constants.scalar(e)
 
     def _plain(self, e: Expr) -> Scalar | None:
-        """What needs no variable of its own."""
+        """The scalar of an expression that needs no variable: a number, a constant, a linear
+        function of time, or a name; else None."""
         if self.constants is not None and self.constants.is_constant(e):
             return self.constant(e)
         if e.op == "num":
@@ -293,7 +294,7 @@ class _Lowering:
         return Scalar("first_power", (self.value(base), p, added(self._sizes(base))))
 
     def _sizes(self, e: Expr) -> list[Scalar]:
-        """Moduli of the terms of an expression, whatever the region; none if it is one term."""
+        """Moduli of the terms of an expression, in every region; none if it is one term."""
         if e.op == "sum":
             return [abs(term) for term in self._terms(e)]
         if e.op == "select":

@@ -72,7 +72,7 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Instruction:
-    """One step of the tape.
+    """One instruction of the tape.
 
     Attributes
     ----------
@@ -94,8 +94,8 @@ class Instruction:
         that solves an equation: at order 0 the zero of `zero`, an increasing function of the row
         (and its slope); at the others the integral of its input, which comes later. The `place`
         instructions behind it make that function and its slope as rows; WITHIN, with these as
-        inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
-        inputs but the last, the direction in slip and, as last row, the modulus; in stick, and
+        inputs, makes no series, but bounds the deviation of the rate. DIRECTION makes of a vector,
+        its inputs but the last, the direction in slip and, as last row, the modulus; in stick, and
         where a contact that presses it is open, the direction is that of its parts, zero if there
         are none, and the modulus zero. Where the modulus is zero up to rounding (the last input is
         the size of its terms), and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows
@@ -188,7 +188,7 @@ class Tape:
         return self.rows - 1
 
     def name(self, symbol: str, row: int, stage: int) -> None:
-        """Let a symbol stand for a row."""
+        """Assign a symbol to a row."""
         self.names[symbol] = row
         self.stage[row] = stage
 
@@ -209,7 +209,7 @@ class Tape:
         return self._known[e]
 
     def row(self, e: Expr) -> int:
-        """Make the expression available as a row of its own."""
+        """Make the expression available as a separate row."""
         scaled = self.lower(e)
         if scaled.row is not None and scaled.factor is ex.ONE:
             return scaled.row
@@ -322,7 +322,7 @@ class Tape:
         return made
 
     def _terms(self, row: int) -> list[Scaled]:
-        """What a row is the sum of, whatever the region."""
+        """Terms whose sum is a row, in every region."""
         made = self._made.get(row)
         if made is not None and made.op is Op.SELECT:
             return [

@@ -165,5 +165,5 @@ def row_of(part: _T, i: int) -> _T:
 
 
 def call_address(address: int, x: float) -> float:
-    """The value of a function of one number that stands at an address."""
+    """Value of a function of one number, given by its address."""
     return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(int(address))(x)

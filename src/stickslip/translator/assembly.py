@@ -16,7 +16,8 @@ FASTCC = " fastcc"
 
 
 class WrongType(TypeError):
-    """An operand of another type than an instruction takes: a mistake in what writes assembly."""
+    """An operand has a type that the instruction does not accept; an internal error of the code
+    that writes assembly."""
 
 
 class Register(NamedTuple):
@@ -83,11 +84,11 @@ class Assembly:
         Whether that block has its last instruction.
     declared : dict
         Declarations of what is called from outside, by name.
-    promises, within : str
+    attributes, within : str
         What LLVM may assume of functions of numbers from outside, and of addresses of entries.
     """
 
-    promises, within = " #1", "inbounds "
+    attributes, within = " #1", "inbounds "
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -116,7 +117,8 @@ class Assembly:
     # -- numbers -----------------------------------------------------------------------------------
 
     def op(self, instruction: str, a: Register | float, b: Register | float) -> Register:
-        """What an instruction makes of two operands of one type; a truth value if it compares."""
+        """Result of an instruction for two operands of the same type; a truth value for
+        comparisons."""
         a = operand(a)
         type_ = BIT if instruction[1:4] == "cmp" else a.type
         return self.new(type_, f"{instruction} {a.typed}, {of_type(a.type, b)}")
@@ -124,7 +126,7 @@ class Assembly:
     def pick(
         self, test: Register, a: Register | float, b: Register | float, flags: str = ""
     ) -> Register:
-        """One of two operands of one type, without a branch."""
+        """Select one of two operands of the same type, without a branch."""
         a = operand(a)
         operands = f"{of_type(BIT, test).typed}, {a.typed}, {of_type(a.type, b).typed}"
         return self.new(a.type, f"select{flags} {operands}")
@@ -161,7 +163,7 @@ class Assembly:
         self.lines.append(f"store {value.typed}, {place}{note}")
 
     def extract(self, value: Register, k: int, type_: str) -> Register:
-        """One part of a structure."""
+        """One element of a structure."""
         if not value.type.startswith("{"):
             raise WrongType(f"{value.typed} has no parts")
         return self.new(type_, f"extractvalue {value.typed}, {k}")
@@ -209,7 +211,7 @@ class Assembly:
         """
         operands = [operand(x) for x in given]
         kinds = ", ".join(x.type for x in operands)
-        group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises
+        group = "" if name.startswith("llvm.") or POINTER in kinds else self.attributes
         declaration = f"declare{convention} {type_} @{name}({kinds}){group}"
         if self.declared.setdefault(name, declaration) != declaration:
             raise WrongType(f"{declaration}, which is a {self.declared[name]}")
@@ -238,7 +240,7 @@ class Assembly:
         self.ended = True
 
     def leads(self, label: str) -> None:
-        """This place leads to a block: for those who want to know."""
+        """Note that this place leads to a block; a hook for subclasses."""
 
     def go(self, label: str) -> None:
         """End a block with a jump."""

@@ -13,13 +13,13 @@ from stickslip.translator.values import (
     Type,
 )
 
-_PROMISES: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
+_ANNOTATED: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
 
 
-def promise(annotation: ast.expr | None) -> Scalar | None:
-    """The type of number that an annotation names, if it names one."""
+def annotated_type(annotation: ast.expr | None) -> Scalar | None:
+    """The scalar type that an annotation names, or None."""
     named = getattr(annotation, "id", None) or getattr(annotation, "value", "")
-    return _PROMISES.get(named)
+    return _ANNOTATED.get(named)
 
 
 class Definition(NamedTuple):
@@ -58,7 +58,7 @@ class Definition(NamedTuple):
 
     @property
     def declaration(self) -> str:
-        """What other modules know of it."""
+        """Declaration of the function for other modules."""
         kinds = ", ".join(kind for kind, _ in self.parameters)
         return f'declare {self.kind} @"{self.name}"({kinds}) #0'
 

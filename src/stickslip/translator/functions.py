@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from stickslip.translator import Compiled, calls
 from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, operand
-from stickslip.translator.definitions import Definition, promise
+from stickslip.translator.definitions import Definition, annotated_type
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -83,12 +83,13 @@ class Function(Values, ast.NodeVisitor):
         self.here: ast.AST = node
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
-        """Refuse, and say where."""
+        """Raise an error with the position in the source."""
         raise self._refusal(what, remedy)
 
-    def doubt(self, what: str, remedy: str) -> None:
-        """Reject in the end, unless another round finds other types."""
-        self.doubts.append(self._refusal(what, remedy))
+    def refuse_later(self, what: str, remedy: str) -> None:
+        """Record an error that is raised at the end, unless a later iteration infers other
+        types."""
+        self.refusals.append(self._refusal(what, remedy))
 
     def _refusal(self, what: str, remedy: str) -> Refusal:
         file = self.compiled.python.__code__.co_filename
@@ -96,7 +97,7 @@ class Function(Values, ast.NodeVisitor):
         return Refusal(f"{file}:{line}: {self.node.name}: {what}. {remedy}")
 
     def translated(self) -> Definition:
-        """What becomes of it, once the types of variables have settled."""
+        """Translate the function, iterating until the types of its variables are fixed."""
         for _ in range(_MOST_ROUNDS):
             self.changed = False
             self.write()
@@ -105,8 +106,8 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.here = self.node
             self.refuse("the types of variables cannot be inferred", "Annotate or rename them")
-        if self.doubts:
-            raise self.doubts[0]
+        if self.refusals:
+            raise self.refusals[0]
         result, given = self.result or NONE, list[tuple[str, str]]()
         if isinstance(result, TupleType):
             given.append(("ptr noalias writeonly captures(none) align 8", "%out"))
@@ -119,9 +120,9 @@ class Function(Values, ast.NodeVisitor):
         return Definition(*found, self.arguments, result)
 
     def write(self) -> None:
-        """One round, with the types that are known."""
+        """Translate once, with the types that are known."""
         super().__init__()
-        self.doubts: list[Refusal] = []
+        self.refusals: list[Refusal] = []
         self.called: set[str] = set()
         self.values: dict[str, Value] = {}
         self.places: dict[str, Register] = {}
@@ -155,7 +156,7 @@ class Function(Values, ast.NodeVisitor):
                 self.visit(statement)
 
     def generic_visit(self, node: ast.AST) -> Any:
-        """Reject what is not in the language."""
+        """Reject nodes that are not in the language."""
         self.here = node if hasattr(node, "lineno") else self.here
         remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")
         self.refuse(f"{type(node).__name__} is not in the language", remedy)
@@ -173,7 +174,7 @@ class Function(Values, ast.NodeVisitor):
         if node.value is None:
             self.refuse("a variable without a value", "Assign one")
         value = self.settled(self.plain(self.visit(node.value)))
-        if isinstance(node, ast.AnnAssign) and (said := promise(node.annotation)):
+        if isinstance(node, ast.AnnAssign) and (said := annotated_type(node.annotation)):
             value = self.cast(value, said)
         for target in [node.target] if isinstance(node, ast.AnnAssign) else node.targets:
             self.assign(target, value)
@@ -245,9 +246,9 @@ class Function(Values, ast.NodeVisitor):
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
         type_ = joined(self.result or value.type, value.type)
-        promised = promise(self.node.returns)
-        if promised is not None and isinstance(value.type, Scalar):
-            type_ = promised
+        declared = annotated_type(self.node.returns)
+        if declared is not None and isinstance(value.type, Scalar):
+            type_ = declared
         if type_ is None or (type_ == NONE) != (value.type == NONE):
             self.refuse("results of several types", "Return the same type everywhere")
         if type_ != self.result:
@@ -268,7 +269,7 @@ class Function(Values, ast.NodeVisitor):
         return tuple(map(self.label, hints))
 
     def leads(self, label: str) -> None:
-        """This place leads to a block."""
+        """Note that this place leads to a block."""
         self.ways.setdefault(label, []).append(self.assigned)
 
     def begin(self, label: str) -> None:
@@ -279,7 +280,7 @@ class Function(Values, ast.NodeVisitor):
             self.assigned = frozenset.intersection(*self.ways[label])
 
     def branch(self, test: ast.expr, yes: str, no: str) -> None:
-        """Go one of two ways; what decides nothing is not looked at."""
+        """Branch on a condition; constant conditions are resolved without a branch."""
         self.here = test
         if self.ended:
             return
@@ -500,7 +501,7 @@ class Function(Values, ast.NodeVisitor):
         return self.visit_IfExp(ast.IfExp(node, ast.Constant(True), ast.Constant(False)))
 
     def type_of(self, node: ast.expr) -> Type:
-        """The type of an expression, of which nothing is written."""
+        """The type of an expression, without writing code for it."""
         kept = len(self.lines), len(self.slots), self.block, self.ended
         type_ = self.plain(self.visit(node)).type
         del self.lines[kept[0] :], self.slots[kept[1] :]
@@ -619,7 +620,7 @@ class Function(Values, ast.NodeVisitor):
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 
     def runtime(self, name: str, *given: Value) -> Value:
-        """Call what an operator means where LLVM has no instruction for it."""
+        """Call the function of an operator for which LLVM has no instruction."""
         return self.call_compiled(getattr(calls, name), list(given))
 
     def table(self, array: Any) -> Value:
@@ -637,5 +638,5 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
 
 
 def _argument(parameter: ast.arg) -> str:
-    """What a parameter is called in the assembly: like nothing else there."""
+    """Name of a parameter in the assembly, distinct from all other names there."""
     return f'%"{parameter.arg}."'

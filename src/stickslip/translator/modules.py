@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip.translator import Compiled
 from stickslip.translator.assembly import FASTCC, POINTER, WHOLE, Register, operand
-from stickslip.translator.definitions import Definition, promise
+from stickslip.translator.definitions import Definition, annotated_type
 from stickslip.translator.functions import Function
 from stickslip.translator.values import (
     ENTRIES,
@@ -74,7 +74,7 @@ class Program:
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
-        self._outside |= {self._promised(function).name for function in exported}
+        self._outside |= {self._definition_of(function).name for function in exported}
         for entry in entries:
             self._enter(entry)
         for function in threads:
@@ -89,10 +89,10 @@ class Program:
             If it is not in the language.
         """
         node = self._node(function)
-        promises = [promise(x.annotation) for x in node.args.args]
+        annotated = [annotated_type(x.annotation) for x in node.args.args]
         wanted = tuple(
             said if said and joined(type_, said) == said else type_
-            for said, type_ in zip(promises, given, strict=True)
+            for said, type_ in zip(annotated, given, strict=True)
         )
         key = function, wanted
         if key not in self._definitions:
@@ -149,18 +149,18 @@ class Program:
 
     # -- what is called from outside ---------------------------------------------------------------
 
-    def _promised(self, function: Compiled) -> Definition:
+    def _definition_of(self, function: Compiled) -> Definition:
         """A function with the types of its annotations."""
-        types, promised = entry_types(function)
+        types, declared = entry_types(function)
         found = self.definition(function, types)
-        if found.result != promised:
-            what = f"it returns {found.result}, not {promised}. Annotate it so, or convert it"
+        if found.result != declared:
+            what = f"it returns {found.result}, not {declared}. Annotate it so, or convert it"
             raise Refusal(f"{function.place}: {what}")
         return found
 
     def _enter(self, function: Compiled, is_thread: bool = False) -> None:
-        """Write what Python calls, or what a GPU runs in each of its threads."""
-        callee, work = self._promised(function), Values()
+        """Write the entry point that Python calls, or that each thread of a GPU runs."""
+        callee, work = self._definition_of(function), Values()
         name, kind, parameters = f"entry.{function.symbol}", "", [(POINTER, "%words")]
         types, last = callee.arguments, list[Register]()
         if is_thread:
@@ -207,14 +207,14 @@ class Program:
         return self._joined([*lines, *(self._functions[x].declaration for x in sorted(declared))])
 
     def _joined(self, lines: list[str]) -> str:
-        """Functions with what they need."""
+        """Functions with their dependencies."""
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [_table_line(*x) for x in self._tables.values() if f"{x[0]}," in text]
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
     def _length(self, name: str) -> int:
-        """Lines of a function and of what is inlined into it."""
+        """Lines of a function, including inlined ones."""
         function = self._functions[name]
         inside = [x for x in function.called if self._functions[x].function.inline]
         return function.body.count("\n") + sum(map(self._length, inside))
@@ -251,7 +251,7 @@ def _number_of_thread(work: Values) -> Register:
 
 
 def _from_words(types: Sequence[Type], offset: int = 0) -> list[Value]:
-    """Arguments that stand at an address as words."""
+    """Arguments stored at an address as words."""
     given = list[Value]()
     for type_ in types:
         given.append(Value(type_, _WORDS, offset))
@@ -262,7 +262,7 @@ def _from_words(types: Sequence[Type], offset: int = 0) -> list[Value]:
 def _finish(
     work: Values, callee: str, result: Any, given: Sequence[Register], convention: str = ""
 ) -> str:
-    """Call a function and return what it returns, as C does: LLVM's type of that.
+    """Call a function and return its result by C's calling convention; returns LLVM's type of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Types and values of the language, and what is done with values.
+"""Types and values of the language, and operations on values.
 
 A number, an array (its address and lengths) and the address of a function are in a register, or
 still in memory; a tuple is a list of values, or stands in memory. There everything is a sequence of
@@ -30,7 +30,7 @@ from stickslip.translator.assembly import (
 
 
 class Refusal(Exception):
-    """Something that is not in the language: where it stands, what it is, and what to do."""
+    """A construct that is not in the language: its place, a description, and the remedy."""
 
 
 # -- types -----------------------------------------------------------------------------------------
@@ -39,7 +39,7 @@ class Refusal(Exception):
 
 
 class Scalar(NamedTuple):
-    """A number, nothing, or an object that only Python knows."""
+    """A number, None, or an opaque Python object."""
 
     name: str
     llvm: str
@@ -50,8 +50,8 @@ class Scalar(NamedTuple):
 
 
 class ArrayType(NamedTuple):
-    """An array in C order: the type of its entries, as NumPy writes it, its number of axes, and
-    whether it is a constant, so that nothing may write to it."""
+    """An array in C order: the NumPy type of its entries, its number of axes, and whether it is a
+    constant and therefore read-only."""
 
     entries: str
     axes: int
@@ -94,12 +94,12 @@ class TupleType(NamedTuple):
 
     @property
     def words(self) -> int:
-        """Those of its parts."""
+        """Number of machine words of all elements."""
         return sum(part.words for part in self.parts)
 
     @property
     def names(self) -> Sequence[Any]:
-        """What its parts are called."""
+        """Names of the elements."""
         return getattr(self.kind, "_fields", range(len(self.parts)))
 
     def __str__(self) -> str:
@@ -135,7 +135,7 @@ NOTES |= {name: note.replace("8", name[1], 1) for name, note in NOTES.items() if
 
 
 def declared_type(hint: Any) -> Type:
-    """The type that an annotation stands for.
+    """The type denoted by an annotation.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
 
 
 def _not_from_python(type_: Type) -> Type | None:
-    """What of a type no argument of an entry can be."""
+    """Element of a type that cannot be passed from Python, or None."""
     if isinstance(type_, TupleType):
         return next(filter(None, map(_not_from_python, type_.parts)), None)
     return type_ if type_ in (COMPLEX, NONE) else None
@@ -310,15 +310,15 @@ class Values(Assembly):
     """Fast-math flags of its arithmetic."""
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
-        """Reject what is being translated."""
+        """Reject the current construct."""
         raise Refusal(f"{what}. {remedy}")
 
-    def doubt(self, what: str, remedy: str) -> None:
+    def refuse_later(self, what: str, remedy: str) -> None:
         """Refuse, unless some variables turn out to be of another type."""
         self.refuse(what, remedy)
 
     def runtime(self, name: str, *given: Value) -> Value:
-        """Call what an operator means where LLVM has no instruction for it."""
+        """Call the function of an operator for which LLVM has no instruction."""
         raise NotImplementedError
 
     def table(self, array: Any) -> Value:
@@ -390,7 +390,7 @@ class Values(Assembly):
         return self.at(value.register, value.offset + k, WHOLE)
 
     def part(self, value: Value, k: int) -> Value:
-        """One part of a tuple."""
+        """One element of a tuple."""
         if value.parts is not None:
             return value.parts[k]
         type_: TupleType = value.type
@@ -413,13 +413,13 @@ class Values(Assembly):
         return Value(value.type, self.load(value.type.llvm, self.place(value), NOTES["word"]))
 
     def operand(self, value: Value) -> Register:
-        """What functions take: a register, of a tuple its address."""
+        """Argument as functions take it: a register, and the address of a tuple."""
         if not isinstance(value.type, TupleType):
             return self.in_register(value).register
         return self.place(value if value.offset is not None else self.stored(value))
 
     def outward(self, value: Value) -> Register:
-        """What functions of C take: a truth value is a byte."""
+        """Argument as C functions take it: a truth value is a byte."""
         x = self.operand(value)
         return self.converted(x, "i8") if value.type == BOOL else x
 
@@ -435,7 +435,7 @@ class Values(Assembly):
         return Value(value.type, address, 0)
 
     def put(self, value: Value, base: Register, offset: int = 0) -> None:
-        """Write a value to memory, so many words behind an address."""
+        """Write a value to memory, at an offset in words from an address."""
         if value.parts is not None:
             for part in value.parts:
                 self.put(part, base, offset)
@@ -543,7 +543,7 @@ class Values(Assembly):
         return self.new(REAL, f"fneg{self.flags} {x.typed}")
 
     def truncated(self, x: Value) -> Value:
-        """A real number without what is behind the point, as a whole one."""
+        """A real number as an integer, without its fractional part."""
         return Value(INT, self.outside(WHOLE, "llvm.fptosi.sat.i64.f64", x.register))
 
     def binary(self, operation: str, a: Value, b: Value) -> Value:
@@ -616,7 +616,7 @@ class Values(Assembly):
         if COMPLEX in (a.type, b.type):
             self.refuse(*what)
         if b.type == INT and a.type != FLOAT:
-            self.doubt(*what)  # nothing else is for real numbers alone
+            self.refuse_later(*what)  # nothing else is for real numbers alone
         a = self.cast(a, FLOAT)
         if b.type == INT and not b.is_known:
             return self.runtime("power_whole", a, b)
@@ -678,6 +678,6 @@ class Values(Assembly):
         return self.compare("NotEq", value, self.constant(0))
 
     def either(self, test: Value, a: Value, b: Value) -> Value:
-        """One of two numbers of one type, without a branch."""
+        """Select one of two numbers of the same type, without a branch."""
         flags = self.flags if a.type == FLOAT else ""
         return Value(a.type, self.pick(test.register, a.register, b.register, flags))

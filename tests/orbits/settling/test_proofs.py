@@ -12,7 +12,7 @@ import stickslip as ss
 from stickslip import Contact, Inertial, Parameter, System
 from stickslip.arrays import Array
 from stickslip.figures.sweep import plot_sweep
-from stickslip.motion.modes.guards import spell
+from stickslip.motion.modes.guards import extended_word
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.work.chunk import measure_chunk
@@ -84,9 +84,9 @@ def test_modes_of_many_contacts_and_kinks_are_told_apart() -> None:
     kinds = set()
     for c in range(contacts):
         for mode in (-1, 1):
-            kinds.add(spell(1, np.eye(contacts, dtype=int)[c] * mode, np.ones(kinks, int)))
+            kinds.add(extended_word(1, np.eye(contacts, dtype=int)[c] * mode, np.ones(kinks, int)))
     for k in range(kinks):
-        kinds.add(spell(1, np.zeros(contacts, int), 1 - np.eye(kinks, dtype=int)[k]))
+        kinds.add(extended_word(1, np.zeros(contacts, int), 1 - np.eye(kinks, dtype=int)[k]))
     assert len(kinds) == 2 * contacts + kinks
 
 

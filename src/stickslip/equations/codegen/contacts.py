@@ -37,9 +37,9 @@ def speed_row(draft: Draft, i: int) -> None:
 
 
 def prescribed_forces(draft: Draft) -> None:
-    """Rows of the forces between motions that are given: nothing in stick, in slip what normal
-    forces, which are known by then, allow. Their velocities are known to the rounding of what they
-    do in a time."""
+    """Rows of the forces between prescribed motions: zero in stick, in slip the limit given by
+    normal forces that are already known. Their velocities are accurate to the rounding errors of
+    their changes."""
     zero = draft.tape.row(ex.ZERO)
     for i, c in enumerate(draft.eq.contacts):
         if c.prescribed:
@@ -53,8 +53,7 @@ def prescribed_forces(draft: Draft) -> None:
 
 
 def adhesion_rows(draft: Draft) -> None:
-    """Rows of what presses contacts together that adhere, while they are closed, or carried by
-    others that are."""
+    """Rows of the adhesion of contacts that are closed, or carried by other closed contacts."""
     zero = draft.tape.row(ex.ZERO)
     for i, c in enumerate(draft.eq.contacts):
         if c.opens and c.plus is not ex.ZERO:

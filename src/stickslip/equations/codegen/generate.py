@@ -47,7 +47,7 @@ from stickslip.symbolic.tape import Instruction, rows_made, rows_read
 
 
 def generate(equations: MotionEquations) -> Generated:
-    """Lay the equations out, and state what the functions of a system compute."""
+    """Lay out the equations, and state the content of the functions of a system."""
     draft = Draft(equations)
     _lay_out(draft)
     residual, powers, landings = residual_stores(draft), _powers(draft), _landings(draft)

@@ -15,7 +15,7 @@ from stickslip.symbolic.tape import Instruction, Op
 
 
 def kinetic_laws(draft: Draft) -> None:
-    """Rows that say whether sliding forces are admissible, 0 ≤ k and k ≤ s at speed 0."""
+    """Rows that are negative if a sliding force is inadmissible: 0 ≤ k, and k ≤ s at speed 0."""
     for plane in draft.eq.planes:
         i = plane.parts[0]
         if plane.kinetic is not plane.static:
@@ -38,8 +38,8 @@ def kinetic_laws(draft: Draft) -> None:
 
 
 def guard_rows(draft: Draft) -> None:
-    """Rows of forces, thresholds, kinks and gaps, and the sizes of their terms; and of what is
-    shown of several contacts that are one."""
+    """Rows of forces, thresholds, kinks and gaps, and of the sizes of their terms; and reported
+    rows of contacts that switch as one."""
     _thresholds(draft)
     _kinks(draft)
     plane_rows(draft)

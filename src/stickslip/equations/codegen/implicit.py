@@ -14,8 +14,8 @@ from stickslip.symbolic.tape import Instruction, Op
 
 
 def implicit_rates(draft: Draft) -> dict[str, int]:
-    """Rows of the rates that solve equations of their own; the slopes of these rows are still to
-    come."""
+    """Rows of the rates that are defined by scalar equations; the slopes of these rows are appended
+    later."""
     tape = draft.tape
     found: dict[str, int] = {}
     for z, function in draft.eq.implicit.items():
@@ -63,7 +63,7 @@ def _force_on(draft: Draft, z: str) -> Expr:
 
 
 def _rows_of(value: Scalar) -> set[int]:
-    """Rows that a value is made of."""
+    """Rows that enter a value."""
     found: dict[Scalar, set[int]] = {}
 
     def visit(s: Scalar) -> set[int]:

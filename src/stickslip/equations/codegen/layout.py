@@ -1,5 +1,5 @@
-"""What the functions of a system compute, as data: the positions of all quantities in the arrays of
-the engine (:class:`Layout`), and the statements (:class:`Generated`)."""
+"""Data of the functions of a system: the positions of all quantities in the arrays of the engine
+(:class:`Layout`), and the statements (:class:`Generated`)."""
 
 from __future__ import annotations
 
@@ -131,14 +131,15 @@ class Layout:
 
     @property
     def columns_behind(self) -> int:
-        """Columns of J behind those of the coordinates: axis and strength of contacts that share
+        """Columns of J after those of the coordinates: axis and strength of contacts that share
         forces, and coefficients of friction under normal forces."""
         return self.pressed + 2 if self.together or self.pressed > 1 else 1
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
-        component. Behind these, J has for contacts that may depend on each other the axis of what
-        is in a plane, and the square of a size of the force; last, coefficients of friction."""
+        component. After these, J has for contacts that may depend on each other the axis of a
+        contact in a plane, and the square of a size of the force; last, coefficients of
+        friction."""
         s = self.sizes
         widest = {
             matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)

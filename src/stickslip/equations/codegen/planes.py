@@ -40,8 +40,7 @@ def pulled(draft: Draft, kind: Kind) -> None:
 
 
 def _direction(draft: Draft, p: int, sides: Sequence[int], terms: list[Scaled]) -> None:
-    """Rows of the direction of a slip in a plane, and of the modulus of what it is the direction
-    of.
+    """Rows of the direction of a slip in a plane, and of the modulus of the vector that defines it.
 
     Parameters
     ----------
@@ -127,9 +126,8 @@ def plane_rows(draft: Draft) -> None:
 
 
 def _admissible_size(draft: Draft, plane: Plane, given: bool) -> Scalar:
-    """The size of what is not negative where the forces of a contact in a plane are admissible, by
-    the rounding errors of the forces, as they enter their squares; of one between motions that are
-    given, of its velocity."""
+    """Size of the admissibility guard of a contact in a plane, by the rounding errors of the forces
+    in their squares; for a contact between prescribed motions, by those of its velocity."""
     pairs = [*zip(plane.parts, plane.axes, strict=True)]
     scalar = draft.constants.scalar
     parts = [draft.size(plane.static**2)]

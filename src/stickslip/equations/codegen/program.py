@@ -61,7 +61,7 @@ class Program(NamedTuple):
 
 
 def pack(layout: Layout) -> Program:
-    """Arrays of a tape: first what is needed for the instructions that may hide something."""
+    """Pack a tape into arrays: first the instructions that the discs of the step control need."""
     hiding = _hiding(layout)
     needed = _needed(layout.instructions, hiding)
     ordered = [i for i in layout.instructions if i in needed] + [
@@ -106,7 +106,7 @@ def _hiding(layout: Layout) -> set[Instruction]:
 
 
 def _needed(instructions: list[Instruction], hiding: set[Instruction]) -> set[Instruction]:
-    """Those instructions, and all that they depend on."""
+    """The given instructions and all instructions that they depend on."""
     needed, wanted = set(), set()
     for i in reversed(instructions):
         if i in hiding or any(row in wanted for row in rows_made(i)):

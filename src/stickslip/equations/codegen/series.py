@@ -127,7 +127,7 @@ def clear_by(A: Array, n: int, R: Array, pivot: int, c: int, fused: bool) -> Non
 @compiled(inline=True)
 def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
     """Inverse R of a linear problem [[M, −Jᵀ], [J, 0]] in which directions that stick may depend on
-    each other. Then what moves is unique, and forces are not: R gives those with the least Σ λ²/s².
+    each other. Motions are then unique, but forces are not: R gives those of least Σ λ²/s².
 
     Parameters
     ----------
@@ -207,6 +207,8 @@ def share_forces(A: Array, n: int, R: Array) -> None:
             continue
         for i in range(n):
             A[found, i] = R[i, c] if A[n + 1, i] > 0.0 else 0.0
+        # Gram–Schmidt in the norm Σ λ²/s²; the second pass removes the rounding errors of the
+        # first.
         for _ in range(2):
             for k in range(found):
                 dot = 0.0

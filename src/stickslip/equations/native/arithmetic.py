@@ -62,8 +62,8 @@ class Arithmetic(Assembly):
         By name.
     """
 
-    # with promises, LLVM would call other functions of C than those that are written here
-    promises, within = "", ""
+    # with attributes, LLVM would call other functions of C than those that are written here
+    attributes, within = "", ""
 
     def __init__(self, name: str, arguments: Sequence[Register], result: str) -> None:
         super().__init__()
@@ -86,16 +86,18 @@ class Arithmetic(Assembly):
         return self._once[key]
 
     def age(self, x: Operand) -> int:
-        """When a value is known: −1 from the start, then by coefficients."""
+        """Stage at which a value is known: −1 from the start, then the order of the
+        coefficients."""
         return self._age.get(x, -1)
 
     def known_now(self, x: Register) -> None:
-        """A coefficient is ready: what is made of it is newer than all before."""
+        """Register that a coefficient is complete: values computed from it are newer than all
+        before."""
         self._stores += 1
         self._age[of_type(REAL, x)] = self._stores
 
     def _aged(self, register: Register, *made_of: Operand) -> Register:
-        """A register that is as old as what it is made of."""
+        """Assign a register the age of its newest operand."""
         age = max(map(self.age, made_of))
         if age >= 0:
             self._age[register] = age
@@ -150,7 +152,8 @@ class Arithmetic(Assembly):
         return self._aged(self.new(REAL, f"{operation} double {_real(a)}, {_real(b)}"), a, b)
 
     def total(self, products: Sequence[Pair]) -> Operand:
-        """A sum of products: the old ones in strands, what is known last added last."""
+        """A sum of products: old ones in independent strands, the newest one last, which shortens
+        the critical path."""
         terms = [(a, b) for a, b in products if a != 0.0 and b != 0.0]
         terms.sort(key=lambda term: max(map(self.age, term)))
         old, new = terms[:-2], terms[-2:]
@@ -170,7 +173,8 @@ class Arithmetic(Assembly):
         return s
 
     def _unwound(self, a: Operand, b: Operand) -> Pair:
-        """A product without waiting for a product: factors that are known go to what is known."""
+        """A product that does not wait for another product: factors known early are multiplied
+        first."""
         if self.age(a) < self.age(b):
             a, b = b, a
         made = self._made.get(a, ())
@@ -216,7 +220,7 @@ class Arithmetic(Assembly):
         return self.new(BIT, f"{operation} i1 {operands}")
 
     def select(self, test: Register, a: Operand, b: Operand) -> Operand:
-        """One of two reals."""
+        """The first of two reals if a condition holds, else the second."""
         if a == b:
             return a
         operands = f"{of_type(BIT, test).typed}, double {_real(a)}, double {_real(b)}"
@@ -237,7 +241,7 @@ class Arithmetic(Assembly):
         return self.new(REAL, f"sitofp {of_type(WHOLE, n).typed} to double")
 
     def read(self, base: Register, index: Count) -> Register:
-        """A real in memory, so many behind an address."""
+        """A real number in memory, at an offset from an address."""
         return self.load(REAL, self.at(base, index, REAL))
 
     def write(self, value: Operand, address: Register) -> None:
@@ -278,8 +282,8 @@ class Arithmetic(Assembly):
         *first: Operand | Count,
         going: int | None = None,
     ) -> list[Register]:
-        """Follow a body for all whole numbers from `low` to before `high`; what is carried along,
-        at the end.
+        """Execute a body for all integers from `low` to before `high`; returns the final values of
+        the carried variables.
 
         Parameters
         ----------

@@ -36,8 +36,8 @@ _MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take
 
 
 class LoopedSeries(Tabled, Series):
-    """The same with coefficients in memory, a loop over the orders, and loops over what is
-    repeated."""
+    """The same series with coefficients in memory, a loop over the orders, and loops over repeated
+    instructions."""
 
     unit: Operand
     after: Register

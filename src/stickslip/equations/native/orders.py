@@ -133,7 +133,7 @@ class Series(Routine):
         return self.total(terms)
 
     def prepare(self, values: tuple[Scalar, ...], row: int) -> None:
-        """Make what does not depend on a row, of values and their parts."""
+        """Compute the parts that are common to all rows of an instruction."""
         depends = dict[Scalar, bool]()
 
         def visit(value: Scalar) -> bool:
@@ -206,7 +206,7 @@ class Series(Routine):
         return self._multiple(float(k), x)
 
     def divided(self, terms: list[Pair], above: Operand, below: int, k: Order) -> Operand:
-        """(above − Σ terms)/b₀; nothing where b has overflowed."""
+        """(above − Σ terms)/b₀; zero if b has overflowed."""
         b = self.get(below, 0)
         rest = self.total([(above, 1.0), *((self.negative(x), y) for x, y in terms)])
         return self.select(self.overflown(b), 0.0, self.over(rest, b))
@@ -249,8 +249,8 @@ class Series(Routine):
         return self.total(terms)
 
     def first_exp(self, x: Operand) -> Operand:
-        """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and
-        so are they."""
+        """exp x, infinite before its derivatives overflow, so that quotients by it, and their
+        derivatives, are zero."""
         return self.select(self.test("olt", x, _OVERFLOW), self.function("exp", x), math.inf)
 
 
@@ -349,7 +349,7 @@ def _chain(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _tangent(s: Series, i: Instruction, k: Order) -> None:
-    """The slope 1 ± y² is a row of its own, one order behind y."""
+    """The slope 1 ± y² is a separate row, one order behind y."""
     (a,) = i.inputs
     y, slope = i.row, i.row + 1
     s.put(y, k, s.formula(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
@@ -413,6 +413,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
         slips = s.select(kept, s.stored(row, k), made)
         s.put(row, k, s.select(free, rests[row - n] if rests and row < r else 0.0, slips))
 
+    # Order k of |u|² = Σ uᵢ² is solved for the newest coefficient of |u|, that of n |u| = u for n.
     if k != 0:
         squares = s.square(sides[0], k)
         for row in sides[1:]:
@@ -441,8 +442,8 @@ def _solve(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _rates(s: Series, i: Instruction, k: Order) -> None:
-    """Solve A ṙ = b as a series: the inverse at order 0, and what the changes of A take away at the
-    others."""
+    """Solve A ṙ = b as a series: with the inverse at order 0, and at higher orders with the
+    contributions of changes of A moved to the right-hand side."""
     n = i.size
     (right,) = i.inputs
     changing = [(j, entry.row) for j, entry in enumerate(i.entries) if entry.inputs]
@@ -473,7 +474,7 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _fails(s: Series, kernel: Kernel, i: Instruction, n: int) -> Register:
-    """Whether a kernel says 0 of a matrix of n rows, and of the inverse that an instruction
+    """Whether a kernel returns 0 for a matrix of n rows, and for the inverse that an instruction
     fills."""
     across, along = (s.stride(name) for name in ("A", i.matrix))
     inverse = s.row(i.matrix, i.place)

@@ -43,7 +43,7 @@ def _arguments(name: str) -> tuple[list[Register], str]:
 
 
 class Routine(Arithmetic):
-    """One of the functions of a system."""
+    """A function of a system."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name, *_arguments(name))
@@ -75,7 +75,7 @@ class Routine(Arithmetic):
         return self.at(self.data(name), index[0], REAL)
 
     def entry(self, name: str, *index: Count) -> Operand:
-        """An entry of an array; of what is only read, once."""
+        """An entry of an array; entries that are only read are loaded once."""
         if name not in _GIVEN:
             return self.load(REAL, self.place(name, *index))
         return self.once((name, *index), lambda: self.load(REAL, self.place(name, *index)))
@@ -120,7 +120,7 @@ class Routine(Arithmetic):
             )
 
     def scalar(self, s: Scalar) -> Operand:
-        """A value; what has been made once is known."""
+        """A value; each value is computed once."""
         if s.op == "number":
             return s.value
         if s.op == "entry":
@@ -213,7 +213,8 @@ class Routine(Arithmetic):
         return self.select(pole, math.nan, power)
 
     def first_power(self, a: Operand, p: Operand, size: Operand) -> Operand:
-        """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
+        """aᵖ, where a is known to within the rounding error of terms of a given size: values within
+        it count as 0."""
         root = "llvm.sqrt.f64"
         power: Operand = self.function(root, a) if p == 0.5 else self.function("pow", a, p)
         if not isinstance(p, float):
@@ -232,8 +233,8 @@ class Routine(Arithmetic):
         return self.kernel(reached, self.place(matrix, i, 0), self.place("mag", base), n)
 
     def _dot(self, x: list[Operand]) -> Operand:
-        """Σ aᵢbᵢ as if computed with twice as many digits: the algorithm Dot2 of Ogita, Rump and
-        Oishi (2005); the product's error comes from a fused operation."""
+        """Σ aᵢbᵢ in twice the working precision: algorithm Dot2 of Ogita, Rump and Oishi (2005),
+        with the error of each product from a fused operation."""
         total: Operand = 0.0
         lost: Operand = 0.0
         for a, b in zip(x[::2], x[1::2], strict=True):

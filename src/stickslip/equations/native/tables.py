@@ -33,7 +33,7 @@ class Whole(Register):
 
     @classmethod
     def loaded(cls, f: Arithmetic, register: Register) -> Whole:
-        """That of a register of a function."""
+        """Load the value of a register of a function."""
         made = cls(*of_type(WHOLE, register))
         made.inside = f
         return made
@@ -66,7 +66,7 @@ class Progression(NamedTuple):
 
 
 class Tabled(Routine):
-    """A function in which what is repeated is a loop."""
+    """A function in which repeated instructions are a loop over tables."""
 
     @cached_property
     def _bytes(self) -> bytearray:
@@ -277,7 +277,8 @@ def _known(x: Operand) -> Scalar:
 
 
 def _levels(stores: list[Store]) -> list[int]:
-    """When each statement may be executed: after those that store what it reads or changes."""
+    """Level of execution of each statement: after all statements that store what it reads or
+    changes."""
     written: dict[tuple[str, tuple[int, ...]], int] = {}
     names = {store.name for store in stores}
     levels = list[int]()
@@ -289,7 +290,7 @@ def _levels(stores: list[Store]) -> list[int]:
 
 
 def _read(s: Scalar, names: set[str]) -> set[tuple[str, tuple[int, ...]]]:
-    """Entries of some arrays that a value is made of."""
+    """Array entries that enter a value."""
     found = set[tuple[str, tuple[int, ...]]]()
     seen = set[int]()
 

@@ -45,7 +45,7 @@ def wheel(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scen
 def two_legs(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
     """Two legs and a hip, in the frame of the slope."""
     theta, phi = values["theta"], values["phi"]
-    before, after = _strikes(motion, times, theta)
+    before, after = _impacts(motion, times, theta)
     foot = before - after  # how far the stance foot has come
     hip = (foot - np.sin(theta), np.cos(theta))
     swing = (hip[0] - np.sin(phi - theta), hip[1] - np.cos(phi - theta))
@@ -100,7 +100,7 @@ def _counted(motion: Trajectory, times: Array) -> Array:
     return np.searchsorted(motion.jumps["time"].to_numpy(float), times, side="right").astype(float)
 
 
-def _strikes(motion: Trajectory, times: Array, theta: Array) -> tuple[Array, Array]:
+def _impacts(motion: Trajectory, times: Array, theta: Array) -> tuple[Array, Array]:
     """Displacement of the feet by leg exchanges: the sum of 2 sin θ before each impact."""
     at = motion.jumps["time"].to_numpy(float)
     if len(at) == 0:

@@ -45,7 +45,7 @@ def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
             "span": list(system.span),
             "time_unit": unicode_unit(system.time_unit),
             "translation": dict(system.translation),
-            "doubts": system.doubts,
+            "doubts": system.unit_conflicts,
             "toml": system.to_toml() if request.setting.toml else "",
             "autonomous": "t" not in _depends(system),
         },

@@ -24,7 +24,7 @@ from stickslip.figures.drawing.style import (
     root_of,
 )
 from stickslip.motion.outcome import Outcome
-from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.request.measures import MISSING
 from stickslip.sweeps.request.plan import NOT_COMPUTED
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def doubtful(data: xarray.Dataset, name: str) -> dict[str, Array]:
     found = {hatch: outcome == kind.code for kind, hatch in HATCHES.items()}
     rest = uncertified(data, name) & (outcome != NOT_COMPUTED)
     if name == "outcome" and "lacking" in data:  # of what has stopped the colour says enough
-        rest &= data["lacking"].values != LACKING.index("result")
+        rest &= data["lacking"].values != MISSING.index("result")
     for here in found.values():
         rest &= ~here
     return {hatch: here for hatch, here in {**found, UNCERTAIN: rest}.items() if np.any(here)}

@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.style import axis_label
 from stickslip.model.entries.units import unit_label
-from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
+from stickslip.sweeps.request.measures import MISSING, how_carried, measures_of
 from stickslip.sweeps.request.plan import NOT_COMPUTED
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def uncertified(data: xarray.Dataset, name: str) -> Array:
     """Points that are shown without a certificate."""
     certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
     if "lacking" in data:  # maps of the first format have none
-        certified = data["lacking"].values == LACKING.index("nothing")
+        certified = data["lacking"].values == MISSING.index("nothing")
     return (data["outcome"].values != NOT_COMPUTED) & ~np.isnan(data[name].values) & ~certified
 
 

@@ -146,8 +146,7 @@ def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1
 def jumps_through(
     formula: Expr, guard: Expr, name: str, start: Mapping[str, float], held: Collection[str]
 ) -> list[float]:
-    """By how much a formula jumps where a name rises through a guard, at some places; 0 where it is
-    not seen to.
+    """Jump of a formula at given points as a name increases through a guard; 0 if none is detected.
 
     Parameters
     ----------
@@ -186,7 +185,7 @@ def _beside(formula: Expr, guard: Expr, branch: int) -> Expr:
 
 
 def terms_by_guard(formula: Expr) -> dict[Expr, Expr]:
-    """For each guard of a kink, the terms of a formula in which it stands."""
+    """Terms of a formula in which each guard of a kink occurs."""
     found: dict[Expr, dict[Expr, float]] = {}
     for term, c in formula.terms if formula.op == "sum" else ((formula, 1.0),):
         for e in ex.walk([term]):
@@ -261,7 +260,7 @@ def are_parallel(first: Mapping[str, Expr], second: Mapping[str, Expr]) -> bool:
 
 
 def are_dependent(directions: Sequence[Mapping[str, Expr]]) -> bool:
-    """Whether directions are linearly dependent, whatever the parameters and the state are."""
+    """Whether directions are linearly dependent for all parameters and states."""
     import numpy as np
 
     names = sorted({x for direction in directions for x in direction})

@@ -350,7 +350,7 @@ class Unilateral:
 
 @dataclass(frozen=True)
 class Side(Unilateral):
-    """One side of a constraint, as it is written out.
+    """One side of a constraint in the expanded system.
 
     Attributes
     ----------
@@ -552,8 +552,8 @@ _NO_ENTRIES = _NoEntries()
 
 
 def hold_plain(item: Any) -> None:
-    """Let a declaration hold plain data that nobody else changes: copies of its tables, tuples for
-    lists, and texts for expressions.
+    """Copy mutable inputs of a declaration into plain data: copies of tables, tuples for lists, and
+    strings for expressions.
 
     Raises
     ------

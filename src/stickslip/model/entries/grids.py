@@ -61,7 +61,7 @@ def checked_grid(points: Any, values: Any, where: str) -> tuple[tuple[Array, ...
 def grid_in_rows(
     columns: Array, rows: Any, names: Sequence[str], where: str
 ) -> tuple[tuple[Array, Array], Array]:
-    """Axes and values of a surface whose places stand in rows of a file."""
+    """Axes and values of a surface from the rows of a file, one point each."""
     for column, name in enumerate(names):
         wrong = ~np.isfinite(columns[column])
         if wrong.any():

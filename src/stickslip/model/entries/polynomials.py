@@ -60,7 +60,7 @@ class Surface:
     terms: int
 
     def bounds(self, x: Interval, y: Interval) -> Interval:
-        """Least and largest value in a box; of arrays of such, too."""
+        """Least and largest value in a box; also for arrays of boxes."""
         ends = [np.broadcast_arrays(*(np.asarray(end, float) for end in a)) for a in (x, y)]
         shape = np.broadcast_shapes(*(np.shape(a[0]) for a in ends))
         found = np.empty((2, *shape))
@@ -133,8 +133,9 @@ class PiecewisePolynomial:
         return (-math.inf, math.inf) if _is_gate(side) else self.covered
 
     def undefined(self, side: str) -> Interval:
-        """Below which the first piece of a side is undefined, and above which the last one: a
-        motion that has come to that end is in that piece, whichever way it is rounded."""
+        """The limits below which the first piece of a side, and above which the last one, is
+        undefined. A motion that has reached an end is in the piece there, independently of
+        rounding."""
         first, last = self.ends(side)
         reach = _END * self.largest if self.both_ways else -NEAR_SAMPLE * self.largest
         return first + reach, last - reach
@@ -167,8 +168,8 @@ class PiecewisePolynomial:
 
     @cached_property
     def gates(self) -> Array:
-        """Coefficients of the gates; none closes at the ends of all samples, where nothing
-        changes."""
+        """Coefficients of the gates; none closes at the ends of all samples, where the value does
+        not change."""
         length = np.diff(self.breaks)
         sense = np.where(np.arange(len(length)) % 2 == 0, 1.0, -1.0)
         gates = np.stack([np.zeros(len(length)), sense, -sense / length], axis=1)
@@ -264,7 +265,7 @@ class PiecewisePolynomial:
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
         """Least and largest value of a derivative between two places, over the pieces themselves
-        and not what is beyond them; of arrays of such, too."""
+        without their continuations; also for arrays of places."""
         low, high = (np.asarray(end, float) for end in a)
         pairs = zip(low.flat, high.flat, strict=True)
         ends = [self._bounds_between(float(x), float(y), side, order) for x, y in pairs]
@@ -356,9 +357,8 @@ def is_bounded(guard: Expr) -> bool:
 
 
 def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
-    """What is said where the argument of the gate of a table is at an end, or beyond it; nothing
-    elsewhere, or where it depends on names without a value.
-    """
+    """Message for an argument of the gate of a table that is at or beyond an end; empty otherwise,
+    or if the argument depends on names without a value."""
     row = FUNCTIONS.get(guard.op)
     ends = row.pieces.bounded if isinstance(row, TableRow) and row.sampled else None
     if ends is None or not guard.symbols <= values.keys():
@@ -375,7 +375,7 @@ def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
 def ends_of_tables(
     guards: Iterable[Expr], speeds: Mapping[str, Expr], values: Mapping[str, float]
 ) -> list[str]:
-    """Tables that are at an end, or beyond it, and what they are asked for.
+    """Tables whose argument is at or beyond an end, with that argument.
 
     Parameters
     ----------

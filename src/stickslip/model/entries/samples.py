@@ -345,7 +345,7 @@ class Samples(TimeFunction):
         return found
 
     def __call__(self, t: ArrayLike) -> Any:
-        """Values at times; NaN outside of what they cover. At a jump, the later one."""
+        """Values at times; NaN outside the range of the samples. At a jump, the later value."""
         pieces = self.pieces
         k, u = pieces.place(np.asarray(t, dtype=float), "gate")
         found = np.zeros(np.shape(u))
@@ -511,14 +511,13 @@ class WrongRow(DeclarationError):
         self.column = column
 
     def in_file(self, file: str, row: int, names: tuple[str, str]) -> DeclarationError:
-        """The same, said of a file."""
+        """The error with the file, the line and the column."""
         place = f"{file}, line {row}, column '{short(names[self.column])}'"
         return DeclarationError(place, self.reason, self.remedy)
 
 
 def checked(times: Any, values: Any, where: str, argument: str = "time") -> tuple[Array, Array]:
-    """Times and values as arrays of their own; `argument` is what the times are, if they are
-    others.
+    """Times and values as new arrays; `argument` is the name of the times, if they are not times.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class Sampling(NamedTuple):
 
     @property
     def since(self) -> str:
-        """Time since one of its own."""
+        """Time since the last sample."""
         return f"(t - ({self.offset}))/({self.period})"
 
 
@@ -91,7 +91,7 @@ def _meet(one: Sampling, other: Sampling, number: Callable[[str], float | None])
 
 
 def _joined(group: list[Sampling], number: Callable[[str], float | None]) -> list[Sampling]:
-    """One sampling for several that meet; they themselves if their common period is too short."""
+    """Replace samplings that share a period by one; unchanged if the common period is too short."""
     first = group[0]
     if len(group) == 1:
         return group

@@ -49,7 +49,7 @@ class CurveFunction(TableFunction):
         return ex.add(*((part * value, 1.0) for part, value in parts))
 
     def part(self, x: Expr, knots: PiecewisePolynomial, pieces: PiecewisePolynomial) -> Expr:
-        """One of the curves that it is the sum of."""
+        """One of the curves whose sum is the table."""
         order = 1 if self.slope else 0
         if order >= pieces.coefficients.shape[1]:
             return ex.ZERO
@@ -112,7 +112,8 @@ def _by_piece(knots: PiecewisePolynomial, x: Expr, even: Expr, odd: Expr) -> Exp
 
 
 def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bool]:
-    """Whether an argument is seen to come to neither end of a table, by its formula.
+    """Whether the formula of an argument proves that it cannot reach the lower or the upper end of
+    a table.
 
     Raises
     ------

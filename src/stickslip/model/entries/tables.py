@@ -288,7 +288,7 @@ class Table:
 
     @property
     def _weights(self) -> str:
-        """The unit of what values, or coefficients of a surface, are multiplied by."""
+        """The unit of the factors of values, or of the coefficients of a surface."""
         return "1" if self.unit else ""
 
     @cached_property

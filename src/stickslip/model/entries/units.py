@@ -127,8 +127,7 @@ def factors(unit: str) -> UnitPowers:
 
 
 def unit_product(*terms: tuple[UnitPowers, float]) -> UnitPowers:
-    """Product of powers of units; a radian is named only where nothing else stands in the
-    numerator."""
+    """Product of powers of units; a radian is written only if nothing else is in the numerator."""
     powers: dict[str, Fraction] = {}
     for unit, exponent in terms:
         for name, power in unit.items():
@@ -142,7 +141,7 @@ def unit_product(*terms: tuple[UnitPowers, float]) -> UnitPowers:
 
 
 def unit_text(unit: UnitPowers) -> str:
-    """The unit as it is declared: ``kg*m^2/s``, ``1/s``, ``W/(m^2*K)``, ``1``."""
+    """The unit as declared: ``kg*m^2/s``, ``1/s``, ``W/(m^2*K)``, ``1``."""
 
     def text(sign: int) -> list[str]:
         shown = [(name, sign * power) for name, power in unit.items() if sign * power > 0]

@@ -1,2 +1,2 @@
-"""Formats of text files (TOML with the keys of classes, and columns of numbers), and what may be
-written: types of values, and names of measures."""
+"""Formats of text files (TOML with the keys of classes, and columns of numbers), and their
+admissible contents: types of values, and names of measures."""

@@ -52,7 +52,7 @@ def columns_of(
 def chosen_columns(
     file: str | PathLike[str], choose: Callable[[list[str], str], Sequence[str]]
 ) -> tuple[Array, Any, tuple[str, ...]]:
-    """Columns of a text file, in which line of it each row stands, and how they are called.
+    """Columns of a text file, the line number of each row, and the names of the columns.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Keys of entries in messages, and what is expected there."""
+"""Keys of entries in messages, and the types expected there."""
 
 from __future__ import annotations
 

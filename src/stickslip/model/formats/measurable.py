@@ -1,4 +1,4 @@
-"""The named measures of long-term motions: what each one is, in a row.
+"""The named measures of long-term motions, one row each.
 
 The command line lists these names, so nothing is imported here.
 """

@@ -323,7 +323,7 @@ def _parts(item: Any) -> Iterator[tuple[str, Any]]:
 
 
 def text_of(value: Any) -> str:
-    """A value as it stands in a file."""
+    """A value in TOML syntax."""
     match value:
         case str():
             return _text(value)

@@ -13,16 +13,9 @@ from __future__ import annotations
 
 import math
 
-from stickslip.motion.steps.arrays import (
-    ON_INERTIAL,
-    PART,
-    PRESSING,
-    RUBBING,
-    Rows,
-    Space,
-    directions_of,
-)
-from stickslip.motion.steps.vectors import solve_equations
+from stickslip.motion.algebra.vectors import solve_equations
+from stickslip.motion.steps.arrays import ON_INERTIAL, PART, PRESSING, RUBBING, Rows, Space
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
@@ -56,7 +49,7 @@ _MOST_RAYS = 60  # tried for each contact
 
 @compiled()
 def fit_cones(rows: Rows, space: Space, scale: float) -> None:
-    """Find the forces nearest to what is wanted.
+    """Find the admissible forces nearest to the wanted ones.
 
     Parameters
     ----------
@@ -78,8 +71,8 @@ def fit_cones(rows: Rows, space: Space, scale: float) -> None:
 
 @compiled()
 def steepest_ray(rows: Rows, space: Space, number: int) -> float:
-    """Make the ray along which what is left falls most, behind those that there are; its steepness
-    (0: there is none)."""
+    """Append the ray of steepest descent of the residual; returns its steepness (0: there is
+    none)."""
     cones = space.cones
     mq = rows.sizes[ON_INERTIAL]
     most = 0.0
@@ -100,7 +93,7 @@ def steepest_ray(rows: Rows, space: Space, number: int) -> float:
 
 @compiled()
 def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
-    """A unit of a normal force with the friction that what is left asks for most, or a unit of a
+    """A unit of a normal force with the friction that reduces the residual most, or a unit of a
     threshold.
 
     Parameters
@@ -135,6 +128,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
             ray[c], ray[o] = f, g
             continue
+        # The point of an ellipse with semi-axes f and g that is farthest along what is left.
         x, y = f * cones[LEFT, c], g * cones[LEFT, o]
         size = math.hypot(x, y)
         if size > 0.0:
@@ -177,8 +171,9 @@ def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
 
 @compiled()
 def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
-    """Give rays the weights for which nothing is left along any of them, without those whose
-    weights would not be positive; how many are left, and whether the last has become one of them.
+    """Compute the weights of rays for which the residual is orthogonal to all of them, removing
+    rays whose weights would not be positive; returns how many are left, and whether the last one is
+    among them.
 
     Parameters
     ----------
@@ -218,7 +213,7 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
 
 @compiled()
 def put_left(rows: Rows, space: Space, number: int) -> None:
-    """Add up the forces of rays, and what they leave of what is wanted."""
+    """Add up the forces of rays, and compute the residual."""
     cones, rays = space.cones, space.rays
     mq = rows.sizes[ON_INERTIAL]
     for c in range(mq):

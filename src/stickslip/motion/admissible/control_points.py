@@ -5,8 +5,9 @@ from __future__ import annotations
 from stickslip.arrays import Array
 from stickslip.motion.admissible.overload import GIVEN_FORCES, RADIUS, SCRATCH, STEP
 from stickslip.motion.admissible.sharing import held_at, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
-from stickslip.motion.steps.roots import lowest
+from stickslip.motion.algebra.roots import lowest
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import given_force, holds_all, radius_at
 from stickslip.translator import compiled
 

@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     BACK,
     CONTACTS,
@@ -46,6 +47,8 @@ from stickslip.motion.steps.arrays import (
     SENSE,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     inertial_contacts,
@@ -55,7 +58,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.numerics.levels import EPSILON, IMPACT_ZERO, NO_SPEED
 from stickslip.translator import compiled
 
@@ -99,8 +101,8 @@ def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
 
 @compiled()
 def restitution_of(rows: Rows, space: Space, c: int) -> float:
-    """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
-    would let it come back."""
+    """Restitution of a contact in the current impact; 0 if it recedes before it, for which γ⁺ ≥ −e
+    γ⁻ would allow an approach."""
     return 0.0 if recedes(rows, space, c) else given_restitution(rows, space, c)
 
 
@@ -188,8 +190,8 @@ def put_part(rows: Rows, space: Space, J: Array, p: int, every: bool) -> None:
 
 @compiled()
 def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bool, float, float]:
-    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
-    they gain, and the size of its terms.
+    """Impulses in the mode with a number: whether they obey the law, the energy gained, and the
+    size of its terms.
 
     Parameters
     ----------
@@ -212,8 +214,8 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
 
 @compiled()
 def residual_of(rows: Rows, space: Space, mode: Array) -> float:
-    """The largest velocity after an impact of what is held, which should have none, in parts of the
-    largest of all. Equations whose rank is not full may have solutions that are rounding errors."""
+    """Largest velocity after an impact of contacts that should be at rest, relative to the largest
+    of all. Equations of deficient rank may have solutions that are rounding errors."""
     work = space.impact
     most = 0.0
     fastest = 0.0
@@ -247,7 +249,8 @@ def axes_in(rows: Rows, work: Array, row: int, c: int) -> tuple[float, float]:
 
 @compiled()
 def point_along(rows: Rows, work: Array, c: int, x: float, y: float) -> None:
-    """Let a contact in a plane slip along a vector, or along its first direction if that vanishes.
+    """Set the slip direction of a contact in a plane to that of a vector, or to its first direction
+    if the vector vanishes.
 
     Parameters
     ----------
@@ -315,7 +318,7 @@ def is_free(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
 
 @compiled()
 def slips_towards(mode: Array, c: int) -> int:
-    """The row of coefficients of friction of what slips in an impact."""
+    """The row of coefficients of friction of a sliding contact in an impact."""
     return FORWARD if mode[c] > 0 else BACK
 
 
@@ -353,6 +356,8 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         column = 0
         for b in range(mq):
             if is_held(rows, tried, mode, b):
+                # A contact that slides under b has the impulse μΛ_b against its slip, which changes
+                # the velocity of a, too.
                 entry = G[a, b]
                 for link in range(len(rows.links)):
                     c = rows.links[link, RUBBING]
@@ -360,6 +365,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
                         entry -= work[SENSE, c] * work[slips_towards(mode, c), link] * G[a, c]
                 system[size, column] = entry
                 column += 1
+        # Newton's law, γ⁺ = −e γ⁻.
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
         size += 1
     if not solve_equations(system, size):
@@ -423,7 +429,7 @@ def put_change(rows: Rows, space: Space) -> None:
 
 @compiled()
 def modes_of(rows: Rows, tried: Array) -> int:
-    """Number of modes of an impact: what is closed takes part or not, its friction sticks or
+    """Number of modes of an impact: closed contacts take part or not, their friction sticks or
     slips."""
     total = 1
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -434,7 +440,7 @@ def modes_of(rows: Rows, tried: Array) -> int:
 
 @compiled()
 def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> None:
-    """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
+    """Set the contacts to the mode with a number; contacts that do not take part slip."""
     for c in range(rows.sizes[ON_INERTIAL]):
         mode[c] = 1
     for c in inertial_contacts(rows):
@@ -463,6 +469,7 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
     for c in range(rows.sizes[ON_INERTIAL]):
         largest = max(largest, abs(work[IMPULSE, c]))
         fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
+        # The work of an impulse is its product with the mean of the velocities before and after.
         gained += 0.5 * work[IMPULSE, c] * (work[BEFORE, c] + work[AFTER, c])
         size += 0.5 * abs(work[IMPULSE, c]) * (abs(work[BEFORE, c]) + abs(work[AFTER, c]))
     strong = IMPACT_ZERO * largest
@@ -526,8 +533,8 @@ def largest_jump(rows: Rows, work: Array) -> float:
 
 @compiled()
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
-    """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
-    rest."""
+    """A first guess of the mode after an impact: contacts that have rebounded are open; the others
+    are closed, and stick if they are at rest."""
     # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
     largest = largest_jump(rows, work)
     for c in rows.openings:

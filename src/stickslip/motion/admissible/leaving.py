@@ -1,4 +1,5 @@
-"""Contacts that share forces: how long they stick, and which of them begin to slip together.
+"""Contacts that share forces: the time until they leave stick, and the contacts that begin to slip
+together.
 
 Forces and radii are polynomials in Bernstein's form on a step. The set of all that can be held is
 convex (:mod:`stickslip.motion.admissible.overload`): what holds at their control points holds along
@@ -32,21 +33,16 @@ from stickslip.motion.admissible.overload import (
 )
 from stickslip.motion.admissible.sharing import (
     STAYS,
-    grip,
     held_at,
+    orthonormalise,
     speed_of,
     sticks_in,
     turns,
 )
 from stickslip.motion.admissible.turning import first_failure, load_at, turn_to, turned_until
-from stickslip.motion.steps.arrays import (
-    ON_INERTIAL,
-    Flow,
-    directions_of,
-    inertial_contacts,
-    set_mode,
-)
-from stickslip.motion.steps.roots import first_crossing
+from stickslip.motion.algebra.roots import first_crossing
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts, set_mode
 from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_at
 from stickslip.translator import compiled
 
@@ -81,7 +77,7 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             space.leaving[c] = STAYS
     if place_polynomials(flow, mode, group):
         return False, 0.0
-    count, rank = grip(flow, mode, space.W, group)
+    count, rank = orthonormalise(flow, mode, space.W, group)
     if count > rank and turns(flow, mode, group):
         return find_leaving_turned(flow, mode, group, lack), 1.0
     end = 1.0
@@ -283,6 +279,8 @@ def holds_until(
             return end, False
         b = end if a + 1.01 * length >= end else a + length
         place_piece(flow, mode, group, d, a, b)
+        # The admissible sets are convex: a polynomial stays in them if its control points are
+        # there. The last control point is its value at the end, so that a failure there is a proof.
         held = True
         for i in range(d, -1, -1):
             place_point(flow, mode, group, flow.space.piece, i)
@@ -317,7 +315,7 @@ def spare_part(flow: Flow, mode: Array, first: int) -> float:
     rows = flow.rows
     aside = flow.space.aside
     group = rows.group[first]
-    rank = grip(flow, mode, flow.space.W, group)[1]
+    rank = orthonormalise(flow, mode, flow.space.W, group)[1]
     part = 0.5
     while part > _PROVED:
         place_held(flow, mode, flow.space.W, group)
@@ -330,7 +328,7 @@ def spare_part(flow: Flow, mode: Array, first: int) -> float:
 
 
 @compiled(brief=True)
-def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
+def missing_fraction(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
     """The part of the forces that contacts which share them may lack on a piece, in powers of 10;
     0 if it is proved that it is at most `least`.
 
@@ -343,7 +341,7 @@ def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> f
         The first contact of them, and the degree.
     """
     group = flow.rows.group[first]
-    count, rank = grip(flow, mode, flow.space.W, group)
+    count, rank = orthonormalise(flow, mode, flow.space.W, group)
     turned = count > rank and turns(flow, mode, group)
     lack = least
     while lack < 1.0:

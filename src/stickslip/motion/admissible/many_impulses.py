@@ -40,6 +40,7 @@ from stickslip.motion.admissible.impacts_law import (
     slides_along,
     takes_part,
 )
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     BACK,
     FORWARD,
@@ -52,6 +53,8 @@ from stickslip.motion.steps.arrays import (
     SENSE,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     own_directions,
@@ -59,7 +62,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # More rows of Space.impact: impulses of relaxation; how hard slips in planes are to turn.
@@ -97,7 +99,7 @@ def find_impulses(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def release_slips(rows: Rows, space: Space, mode: Array) -> bool:
-    """Give what slips its kinetic friction; whether that changes anything."""
+    """Set sliding contacts to their kinetic friction; returns whether that changes anything."""
     work = space.impact
     changed = False
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -127,6 +129,8 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
         work[IMPULSE, c] = 0.0
         mode[c] = 1
     put_velocities(rows, space)
+    # Relaxation converges slowly, but finds modes from which pivoting needs few steps; if pivoting
+    # fails, it continues for twice as long.
     rounds = _FIRST_ROUNDS
     while rounds <= _LAST_ROUNDS:
         for _ in range(rounds):
@@ -147,8 +151,8 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def is_relaxed(rows: Rows, space: Space, mode: Array) -> bool:
-    """Whether relaxation has come to an end: where friction holds more contacts than there are
-    freedoms no choice of modes may explain itself, but impulses obey the law."""
+    """Whether relaxation has converged: if friction holds more contacts than there are degrees of
+    freedom, no mode may be consistent, but impulses obey the law."""
     work = space.impact
     largest = 0.0
     off = 0.0
@@ -183,8 +187,8 @@ def push(rows: Rows, space: Space, c: int, impulse: float) -> None:
 
 @compiled()
 def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
-    """Let each contact obey its law beside the others as they are, one after the other; and note
-    its mode."""
+    """Solve the impact law of each contact for given impulses of the others, one contact after the
+    other (projected Gauss–Seidel), and store its mode."""
     work = space.impact
     for c in inertial_contacts(rows):
         own = space.delassus[c, c]
@@ -201,8 +205,8 @@ def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
 
 @compiled()
 def interval_of(rows: Rows, space: Space, c: int) -> tuple[float, float]:
-    """The least and the largest impulse that a contact along a line may have beside the others as
-    they are; one that closes pushes however hard."""
+    """Least and largest impulse of a contact along a line for given impulses of the others;
+    unbounded above for a contact that closes."""
     if space.tried[NEAR, c] == 1:
         return 0.0, np.inf
     least = -friction_of(rows, space.impact, limit_of(space.tried, c, True), c)
@@ -266,7 +270,7 @@ def pressed_by(rows: Rows, space: Space, c: int) -> float:
 
 @compiled()
 def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
-    """Let a contact in a plane slip along a velocity.
+    """Set the slip direction of a contact in a plane to that of a velocity.
 
     Parameters
     ----------
@@ -308,7 +312,7 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def is_right(rows: Rows, space: Space, mode: Array) -> bool:
-    """Whether the impulses of a mode obey the law, once nothing yields any more."""
+    """Whether the impulses of a mode obey the law, after all corrections."""
     work = space.impact
     residual = np.inf
     off = np.inf
@@ -326,8 +330,8 @@ def is_right(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def is_unknown(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
-    """Whether a contact has an unknown of its own: its impulse, or the turn of a slip in a
-    plane."""
+    """Whether a contact has an unknown in the equations: its impulse, or the rotation of a slip in
+    a plane."""
     turns = len(directions_of(rows, c)) > 1 and slides_along(rows, tried, mode, c)
     return bool(turns or is_held(rows, tried, mode, c))
 
@@ -396,7 +400,7 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
 
 @compiled()
 def add_response(rows: Rows, space: Space, mode: Array, b: int, weight: float, column: int) -> None:
-    """Add what an impulse of contact b does to all equations.
+    """Add the response to an impulse of contact b to all equations.
 
     Parameters
     ----------
@@ -446,7 +450,8 @@ def put_turn(rows: Rows, space: Space, mode: Array, c: int) -> None:
 
 @compiled()
 def resistance_to_turning(rows: Rows, space: Space, c: int) -> float:
-    """ρ/Λ_N of a slip in a plane, by its first direction; what is hardly pressed does not turn."""
+    """ρ/Λ_N of a slip in a plane, by its first direction; contacts that are hardly pressed do not
+    turn."""
     work = space.impact
     o = second_of(rows, c)
     f, g = axes_of(rows, space, c)
@@ -459,8 +464,8 @@ def resistance_to_turning(rows: Rows, space: Space, c: int) -> float:
 
 @compiled()
 def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
-    """Impulses from the solution of the equations of a mode, and the velocities after them; by how
-    much slips in planes have turned."""
+    """Store the impulses from the solution of the equations of a mode, and the velocities after
+    them; returns the rotation of slips in planes."""
     work = space.impact
     tried = space.tried
     mq = rows.sizes[ON_INERTIAL]
@@ -480,6 +485,7 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
         pressed = pressed_by(rows, space, c)
         if pressed > 0.0:
             turn = space.impulses[tried[_PLACE, c], size] / pressed
+            # The equations are linear in the turn, which is therefore limited to 45°.
             turn = max(-1.0, min(1.0, turn))
             n, m = work[SENSE, c], work[SENSE, o]
             x, y = n - turn * m, m + turn * n
@@ -517,7 +523,8 @@ def change_modes(rows: Rows, space: Space, mode: Array, together: bool) -> int:
 
 @compiled()
 def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fast: float) -> int:
-    """The mode that a contact should have by what it does in the one that it has.
+    """The mode that is consistent with the impulse and the velocity of a contact in its current
+    mode.
 
     Parameters
     ----------

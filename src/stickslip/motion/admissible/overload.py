@@ -22,7 +22,9 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.sharing import held_at, speed_of, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.algebra.vectors import is_new
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import (
     MOVED,
     force_outside,
@@ -33,7 +35,6 @@ from stickslip.motion.steps.sets import (
     radius_at,
     support_at,
 )
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
@@ -189,7 +190,7 @@ def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
                 size += abs(space.aside[GIVEN_FORCES, i])
                 size += space.aside[RADIUS, c] if i == c else 0.0
                 for r in range(rank):
-                    space.aside[_PULL, r] += space.grip[i, r] * space.aside[GIVEN_FORCES, i]
+                    space.aside[_PULL, r] += space.in_basis[i, r] * space.aside[GIVEN_FORCES, i]
     return size
 
 
@@ -220,7 +221,7 @@ def slope_of(
             force = inner_force(flow, c, space.aside[RADIUS, c], space.along[MOVED])
             for r in range(rank):
                 for i in range(len(block)):
-                    slope[r] += force[i] * space.grip[block[i], r]
+                    slope[r] += force[i] * space.in_basis[block[i], r]
 
 
 @compiled(brief=True)
@@ -243,12 +244,12 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     """
     rows = flow.rows
     space = flow.space
-    bend, grips, basis = space.bend, space.turned_grip, space.basis
+    bend, components, basis = space.bend, space.in_turned_basis, space.basis
     for c in range(rows.sizes[ON_INERTIAL]):
         for i in range(rank if sticks_in(rows, mode, c, group) else 0):
-            grips[c, i] = 0.0
+            components[c, i] = 0.0
             for r in range(rank):
-                grips[c, i] += basis[i, r] * space.grip[c, r]
+                components[c, i] += basis[i, r] * space.in_basis[c, r]
     for i in range(rank):
         for j in range(rank):
             bend[i, j] = 0.0
@@ -260,9 +261,9 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
         xx, yy, xy, xz, yz, zz, size = inner_bend(flow, c, space.along[MOVED])
         along = space.aside[RADIUS, c] / size
         for i in range(rank):
-            a, b, g = parts_at(block, grips, i)
+            a, b, g = parts_at(block, components, i)
             for j in range(rank):
-                d, e, h = parts_at(block, grips, j)
+                d, e, h = parts_at(block, components, j)
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
                 mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
                 bend[i, j] += along * (mixed + zz * g * h)
@@ -296,8 +297,8 @@ def descent(flow: Flow, rank: int) -> float:
 
 @compiled(brief=True)
 def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
-    """q·w/Σ s |Gw| for what the body might do; far away, for the mechanism that it tends to, which
-    does not move at all the contacts that stay far behind. It is kept.
+    """q·w/Σ s |Gw| for a possible velocity w of the body; for large w, for the mechanism that w
+    approaches, in which contacts that lag far behind do not move. It is stored.
 
     Parameters
     ----------
@@ -317,7 +318,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         if speed_of(flow, rows.lead[c], rank, aside[_WAY]) > MOVES * fastest or held == rank:
             continue
         for r in range(rank):
-            basis[held, r] = space.grip[c, r]
+            basis[held, r] = space.in_basis[c, r]
         if is_new(rank, basis, held, INDEPENDENT):
             held += 1
     for _ in range(2):

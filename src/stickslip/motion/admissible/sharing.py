@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import is_new
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
@@ -20,11 +21,9 @@ from stickslip.motion.steps.arrays import (
     RUBBING,
     Flow,
     Rows,
-    direction_entry,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import direction_entry, directions_of
 from stickslip.motion.steps.sets import MOVED, axis_of, formula_of, middle_at
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
@@ -80,7 +79,7 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
             continue
         if not is_first(rows, mode, first):
             continue
-        count, rank = grip(flow, mode, table, group)
+        count, rank = orthonormalise(flow, mode, table, group)
         if count > rank or any_formula(rows, mode, group):
             for c in range(first, rows.sizes[ON_INERTIAL]):
                 if sticks_in(rows, mode, c, group):
@@ -128,7 +127,7 @@ def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
 
 
 @compiled(brief=True)
-def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
+def orthonormalise(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
     """Directions of the sticking contacts of a group, as rows G in an orthonormal basis. Returns
     the number of directions, and of independent ones.
 
@@ -141,7 +140,7 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
         Values of the rows.
     """
     rows = flow.rows
-    basis, grips = flow.space.basis, flow.space.grip
+    basis, components = flow.space.basis, flow.space.in_basis
     n = rows.sizes[INERTIAL]
     count = 0
     rank = 0
@@ -155,14 +154,14 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
         if sticks_in(rows, mode, c, group):
             place_direction(flow, table, c, basis[n])
             for r in range(rank):
-                grips[c, r] = 0.0
+                components[c, r] = 0.0
                 for q in range(n):
-                    grips[c, r] += basis[n, q] * basis[r, q]
+                    components[c, r] += basis[n, q] * basis[r, q]
     return count, rank
 
 
 @compiled(brief=True)
-def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
+def is_dependent(flow: Flow, table: Array, c: int, rank: int) -> bool:
     """Whether the directions of a contact depend linearly on those of the sticking contacts of its
     group.
 
@@ -202,7 +201,7 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
     rows = flow.rows
     basis = flow.space.basis
     n = rows.sizes[INERTIAL]
-    rank = grip(flow, mode, table, group)[1]
+    rank = orthonormalise(flow, mode, table, group)[1]
     for c in rows.openings:
         pressing = False
         for link in range(len(rows.links) if mode[c] == 0 else 0):
@@ -235,7 +234,7 @@ def speed_of(flow: Flow, c: int, rank: int, w: Array) -> float:
     moved[0] = moved[1] = moved[2] = 0.0
     for i in range(len(block)):
         for r in range(rank):
-            moved[i] += flow.space.grip[block[i], r] * w[r]
+            moved[i] += flow.space.in_basis[block[i], r] * w[r]
     return length_of(moved[0], moved[1], moved[2])
 
 

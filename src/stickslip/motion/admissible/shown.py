@@ -17,8 +17,9 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sharing import grip, is_first, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.admissible.sharing import is_first, orthonormalise, sticks_in
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of, given_force, part_to_set
 from stickslip.translator import compiled
 
@@ -38,7 +39,7 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
         group = rows.group[first]
         if group < 0 or mode[first] != 0 or not is_first(rows, mode, first):
             continue
-        count, rank = grip(flow, mode, table, group)
+        count, rank = orthonormalise(flow, mode, table, group)
         place_held(flow, mode, table, group)
         if count == rank or fits(flow, mode, group, 0.0):
             continue
@@ -56,8 +57,8 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
 
 @compiled(brief=True)
 def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
-    """The least part of the way to forces inside their sets for which those in the work space come
-    inside, too.
+    """Smallest fraction of the way towards admissible forces at which the forces in the work space
+    become admissible, too.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contacts that share forces and whose directions turn: how long they stick.
+"""Contacts that share forces and whose directions rotate: the time until they leave stick.
 
 On a turntable, or on a body that rotates about one of its points, the directions G turn during
 stick, and with them the self-equilibrated forces ν, Gᵀν = 0. At an instant, admissible forces f
@@ -34,19 +34,10 @@ from stickslip.motion.admissible.overload import (
     inner_forces,
     overload,
 )
-from stickslip.motion.admissible.sharing import grip, sticks_in
-from stickslip.motion.steps.arrays import (
-    COORDINATES,
-    INERTIAL,
-    MEMBERS,
-    ON_INERTIAL,
-    PART,
-    Flow,
-    direction_entry,
-    directions_of,
-    inertial_contacts,
-)
-from stickslip.motion.steps.roots import horner, lowest
+from stickslip.motion.admissible.sharing import orthonormalise, sticks_in
+from stickslip.motion.algebra.roots import horner, lowest
+from stickslip.motion.steps.arrays import COORDINATES, INERTIAL, MEMBERS, ON_INERTIAL, PART, Flow
+from stickslip.motion.steps.contacts import direction_entry, directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of
 from stickslip.translator import compiled
 
@@ -79,7 +70,7 @@ def turn_to(flow: Flow, mode: Array, group: int, x: float) -> int:
                 for k in range(flow.order):
                     orders[k] = space.W[row, k] * space.powers[k]
                 space.V[row, 0] = horner(orders, flow.order - 1, x)
-    return grip(flow, mode, space.V, group)[1]
+    return orthonormalise(flow, mode, space.V, group)[1]
 
 
 @compiled(brief=True)
@@ -267,7 +258,7 @@ def lead_over(flow: Flow, mode: Array, group: int, d: int, a: float, b: float, l
             space.bend[i, j] = 0.0
             for c in range(mq):
                 if sticks_in(rows, mode, c, group):
-                    space.bend[i, j] += space.grip[c, i] * space.grip[c, j]
+                    space.bend[i, j] += space.in_basis[c, i] * space.in_basis[c, j]
     if not invert(space.bend, rank, space.unbent):
         return False
     own = mq * nq  # the first row of ν
@@ -322,6 +313,7 @@ def place_turns(flow: Flow, mode: Array, group: int, rank: int, a: float, length
             orders[0] = direction_entry(rows, flow.k.J, space.W, c, j)
             for k in range(1, last):
                 orders[k] = space.W[row, k] * space.powers[k]
+            # Taylor shift to the beginning of the piece, by repeated synthetic division.
             for i in range(last):
                 for k in range(last - 2, i - 1, -1):
                     orders[k] += a * orders[k + 1]
@@ -360,6 +352,7 @@ def cancel_order(flow: Flow, mode: Array, group: int, rank: int, k: int, d: int)
             force = series[mq * nq + c, k - j]
             for r in range(rank if force != 0.0 else 0):
                 total[r] += series[c * nq + r, j] * force
+    # Forces of minimum norm with a resultant are G (GᵀG)⁻¹ times it.
     for r in range(rank):
         least[r] = 0.0
         for i in range(rank):
@@ -370,7 +363,7 @@ def cancel_order(flow: Flow, mode: Array, group: int, rank: int, k: int, d: int)
             continue
         force = 0.0
         for r in range(rank):
-            force += space.grip[c, r] * least[r]
+            force += space.in_basis[c, r] * least[r]
         if k <= d:
             series[mq * nq + c, k] -= force
         else:

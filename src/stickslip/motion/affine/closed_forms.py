@@ -13,23 +13,24 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.affine.eigenvalues import decompose, invert_basis, modulus, refine_vectors
+from stickslip.motion.affine.blocks import find_blocks
 from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
     FACETS,
     FEW_COMPONENTS,
-    GERM_ORDERS,
     GUARDS,
+    LEADING_ORDERS,
     SEARCHED,
     SLIDES,
     SMOOTH,
     STICKS,
+    STIFF_RATIO,
     ClosedForms,
     Making,
 )
-from stickslip.motion.affine.kept_modes import NOT_KEPT, keep, recall
 from stickslip.motion.affine.matrices import facet_row, linearise
+from stickslip.motion.algebra.eigenvalues import modulus
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     INERTIAL,
@@ -41,25 +42,11 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Machine,
     Rows,
-    directions_of,
     flow_of,
 )
-from stickslip.numerics.levels import EPSILON, FEW_ROUNDINGS, LEFT_OUT, TINIEST, ZERO_EIGENVALUE
+from stickslip.motion.steps.contacts import directions_of
+from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
 from stickslip.translator import compiled
-
-# instead of the number of a part
-_FOLLOWS = -1
-_LEADS = -2
-
-_CONDITION = 1e4
-_FASTEST = 1e9  # eigenvalue; what is faster has an extreme unit of time
-_KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
-_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
-_REAL = 1e-12  # imaginary part of an eigenvalue, relative to the largest, that is rounding
-_STIFF = 40.0  # ratio of rates from which on flights pay whatever the guards are
-_RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
-# Rounding where a zero belongs would make every signal look as if it had all parts.
-_ABSENT = 4e-15  # of the largest component of an eigenvector
 
 
 @compiled()
@@ -73,7 +60,7 @@ def make_form(
     mode: Array,
     reg: Array,
 ) -> None:
-    """Put the closed form of a mode into a slot; its status says whether there is one.
+    """Compute the closed form of a mode in a slot; its status reports whether there is one.
 
     Parameters
     ----------
@@ -106,8 +93,8 @@ def make_form(
 
 @compiled(brief=True)
 def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
-    """Let the relative velocities of sticking contacts with mass decay; returns whether there are
-    any.
+    """Add a decay of the relative velocities of sticking contacts with mass; returns whether there
+    are any.
 
     They are zero, so that this changes no motion. But where a direction of several coordinates is
     held, its place and its velocity have no two eigenvectors: one is the derivative of the other,
@@ -135,9 +122,8 @@ def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
 
 @compiled(brief=True)
 def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
-    """Whether flights are much faster than Taylor steps, or not much slower: where there are few
-    components, roots of guards are nearly known, or steps would be short beside the motion, since
-    some of it is much faster than the rest."""
+    """Whether flights are much faster than Taylor steps, or not much slower: for few components,
+    for guards whose roots are nearly known, or in stiff modes, where steps would be short."""
     slowest = np.inf
     fastest = 0.0
     for b in range(blocks):
@@ -148,7 +134,7 @@ def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
     for frequency in omega:
         slowest = min(slowest, frequency)
         fastest = max(fastest, frequency)
-    if fastest > _STIFF * slowest:
+    if fastest > STIFF_RATIO * slowest:
         return True
     n = T.exponent.shape[1]
     if n <= FEW_COMPONENTS:
@@ -160,322 +146,17 @@ def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
                 parts += 1
         for m in range(len(omega)):
             parts += 1 if T.swing[slot, g, n + m] > 0.0 else 0
+        # A zero of a polynomial and one exponential or wave is nearly known; of several it has to
+        # be searched.
         if parts > 1:
             return False
     return True
 
 
 @compiled()
-def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
-    """Exponents of a mode, with eigenvectors V and L = V⁻¹; returns how many there are, without
-    conjugates, or −1 where they are ill-conditioned.
-
-    What does not depend on each other is decomposed by itself, so that its zeros are exact zeros.
-    """
-    F = w.probes.F
-    exponent = T.exponent[slot]
-    find_parts(F, w.moving, w.part)
-    blocks = recall(w.kept, F, w.moving, w.part, exponent, w.V, w.L)
-    if blocks == NOT_KEPT:
-        blocks = solve_parts(T, w, slot)
-        keep(w.kept, F, w.moving, w.part, exponent, w.V, w.L, blocks)
-    for b in range(blocks):
-        for frequency in omega:
-            away = modulus(complex(0.0, frequency) - exponent[b])
-            if away <= _RESONANCE * frequency:
-                return -1
-    return int(blocks)
-
-
-@compiled()
-def solve_parts(T: ClosedForms, w: Making, slot: int) -> int:
-    """Eigenvectors of all parts, those that follow, and those that lead; returns as
-    :func:`find_blocks` does, whatever the drives are."""
-    F = w.probes.F
-    n = len(w.moving)
-    for i in range(n):
-        T.exponent[slot, i] = complex(0.0, 0.0)
-        for j in range(n):
-            w.V[i, j] = w.L[i, j] = complex(0.0, 0.0)
-    blocks = 0
-    for head in range(n):
-        if w.part[head] != head:
-            continue
-        count = 0
-        for i in range(n):
-            if w.part[i] == head:
-                w.members[count] = i
-                count += 1
-        for i in range(count):
-            for j in range(count):
-                w.spectrum.H[i, j] = F[w.members[i], w.members[j]]
-        if not decompose(w.spectrum, count):
-            return -1
-        blocks = add_part(T, w, slot, count, blocks)
-        if blocks < 0:
-            return -1
-    blocks = add_leaders(T, w, slot, blocks)
-    return -1 if blocks < 0 else int(add_followers(T, w, slot, blocks))
-
-
-@compiled()
-def find_parts(F: Array, moving: Array, part: Array) -> None:
-    """Mark the components that move, and of those what depends on what: rates of others depend on a
-    part, which is numbered by the first of its connected components; on what FOLLOWS, none
-    depends; and what LEADS depends on none."""
-    n = len(moving)
-    for i in range(n):
-        moving[i] = 0
-        for j in range(F.shape[1]):
-            moving[i] |= 1 if F[i, j] != 0.0 else 0
-    for j in range(n):
-        felt = False
-        for i in range(n):
-            felt = felt or F[i, j] != 0.0
-        part[j] = j if felt and moving[j] == 1 else _FOLLOWS
-    for i in range(n):
-        led = False
-        for j in range(n):
-            led = led or (F[i, j] != 0.0 and moving[j] == 1)
-        if part[i] >= 0 and not led:
-            part[i] = _LEADS
-    done = False
-    while not done:
-        done = True
-        for i in range(n):
-            for j in range(n):
-                if F[i, j] != 0.0 and min(part[i], part[j]) >= 0 and part[i] != part[j]:
-                    part[i] = part[j] = min(part[i], part[j])
-                    done = False
-
-
-@compiled()
-def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> int:
-    """Add the eigenvectors of a part; returns how many blocks there are now, or −1 where they are
-    ill-conditioned.
-
-    Parameters
-    ----------
-    T : ClosedForms
-        Filled.
-    count : int
-        How many components it has.
-    blocks : int
-        How many blocks there are so far.
-    """
-    p = w.spectrum
-    X = p.Q
-    V = w.V
-    L = w.L
-    largest, smallest = 0.0, np.inf
-    for j in range(count):
-        p.x[j] = p.values[j]
-        largest = max(largest, modulus(p.values[j]))
-    # A rate is as many times larger than its place as its mode is fast.
-    scale = min(max(largest, 1.0), _FASTEST)
-    for j in range(count):
-        value = settled(p.values[j], largest)
-        if value != 0.0j and modulus(value) < _SLOW * largest:
-            return -1
-        # A pair that is one only by rounding: both parts of its vector belong to one real value.
-        if value.imag == 0.0 and p.values[j].imag > 0.0:
-            p.values[j + 1] = value
-            for i in range(count):
-                z = p.vectors[i, j]
-                p.vectors[i, j] = complex(z.real, 0.0)
-                p.vectors[i, j + 1] = complex(z.imag, 0.0)
-        p.values[j] = value
-        if value != 0.0j:
-            smallest = min(smallest, modulus(value))
-    if not invert_basis(p, count):
-        return -1
-    if largest > _STIFF * smallest:
-        refine_vectors(p, w.probes.F, w.members, count)
-        if not invert_basis(p, count):
-            return -1
-    for j in range(count):
-        value = p.values[j]
-        if value.imag < 0.0:
-            continue
-        pair = value.imag > 0.0
-        length = 0.0
-        right = 0.0
-        left = 0.0
-        for i in range(count):
-            z = complex(0.5 * X[j, i], -0.5 * X[j + 1, i]) if pair else complex(X[j, i], 0.0)
-            L[blocks, w.members[i]] = z
-            length += z.real * z.real + z.imag * z.imag
-            left = max(left, modulus(z))
-            right = max(right, modulus(p.vectors[i, j]))
-        if not math.sqrt(length) < _CONDITION * scale:
-            return -1
-        for i in range(count):
-            if modulus(p.vectors[i, j]) > _ABSENT * right:
-                V[w.members[i], blocks] = (2.0 if pair else 1.0) * p.vectors[i, j]
-            if modulus(L[blocks, w.members[i]]) <= _ABSENT * left:
-                L[blocks, w.members[i]] = complex(0.0, 0.0)
-        if not is_known(w, count, blocks, value):
-            return -1
-        if value == 0.0j and leaves_out(w, count, blocks, modulus(p.x[j]), largest, scale):
-            return -1
-        T.exponent[slot, blocks] = value
-        blocks += 1
-    return blocks
-
-
-@compiled(brief=True)
-def leaves_out(
-    w: Making, count: int, block: int, size: float, largest: float, scale: float
-) -> bool:
-    """Whether more than rounding is left out of the matrix with an eigenvalue that is taken for 0.
-
-    Where eigenvectors are missing (a place and its velocity, both constant), those of two
-    eigenvalues near 0 are large, and have opposite parts of the matrix.
-
-    Parameters
-    ----------
-    w : Making
-        With the eigenvectors, and the members of the part.
-    count : int
-        How many members there are.
-    block : int
-        Where the eigenvectors stand.
-    size, largest : float
-        Modulus of the eigenvalue, and of the largest one.
-    scale : float
-        Unit of rates beside their places.
-    """
-    nq = w.probes.hold.shape[1] - 1
-    for i in range(count):
-        for j in range(count):
-            a, b = w.members[i], w.members[j]
-            gone = size * modulus(w.V[a, block]) * modulus(w.L[block, b])
-            if nq <= a < 2 * nq:
-                gone /= scale
-            if nq <= b < 2 * nq:
-                gone *= scale
-            if gone > LEFT_OUT * largest:
-                return True
-    return False
-
-
-@compiled()
-def is_known(w: Making, count: int, block: int, value: complex) -> bool:
-    """Whether an eigenvalue is known for a turn, or a decay: rounding errors of the entries of the
-    matrix change it by at most |L| |F| |V| ε.
-
-    Where stiff and soft springs are added up in one entry, what is soft is lost; series keep the
-    springs apart.
-
-    Parameters
-    ----------
-    w : Making
-        With the eigenvectors, and the members of the part.
-    count : int
-        How many members there are.
-    block : int
-        Where the eigenvectors stand.
-    value : complex
-        The eigenvalue.
-    """
-    F = w.probes.F
-    size = modulus(value)
-    if size == 0.0:
-        return True
-    error = 0.0
-    for i in range(count):
-        made = 0.0
-        for j in range(count):
-            made += abs(F[w.members[i], w.members[j]]) * modulus(w.V[w.members[j], block])
-        error += modulus(w.L[block, w.members[i]]) * made
-    return EPSILON * error <= _KNOWN * size
-
-
-@compiled()
-def settled(value: complex, largest: float) -> complex:
-    """An eigenvalue whose parts are exactly zero where they are rounding beside the largest one."""
-    real = value.real if abs(value.real) >= ZERO_EIGENVALUE * largest else 0.0
-    imag = value.imag if abs(value.imag) >= _REAL * largest else 0.0
-    return complex(real, imag)
-
-
-@compiled()
-def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
-    """Add the components that move evenly, whatever the others do (a block carried by a belt), and
-    that others depend on; returns as :func:`add_part` does.
-
-    Where such a component stands still, the others have an equilibrium that follows it.
-    """
-    F = w.probes.F
-    V = w.V
-    L = w.L
-    n = len(w.moving)
-    blocks = own
-    for k in range(n):
-        if w.part[k] != _LEADS:
-            continue
-        for b in range(own):
-            total = complex(0.0, 0.0)
-            terms = 0.0
-            for i in range(n):
-                if w.part[i] >= 0:
-                    total += L[b, i] * F[i, k]
-                    terms += modulus(L[b, i]) * abs(F[i, k])
-            if modulus(total) <= FEW_ROUNDINGS * terms:
-                continue
-            if T.exponent[slot, b] == 0.0j:
-                return -1
-            L[b, k] = total / T.exponent[slot, b]
-        for i in range(n):
-            drawn = 0.0
-            terms = 0.0
-            for b in range(own):
-                drawn += (V[i, b] * L[b, k]).real
-                terms += modulus(V[i, b]) * modulus(L[b, k])
-            V[i, blocks] = complex(-drawn if abs(drawn) > FEW_ROUNDINGS * terms else 0.0, 0.0)
-        V[k, blocks] = L[blocks, k] = complex(1.0, 0.0)
-        T.exponent[slot, blocks] = complex(0.0, 0.0)
-        blocks += 1
-    return blocks
-
-
-@compiled()
-def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
-    """Add the components that nothing depends on (a leg dragged along): with z = A_f A⁻¹, x_f − z·x
-    does not feel the motion of the others. Returns as :func:`add_part` does."""
-    F = w.probes.F
-    V = w.V
-    L = w.L
-    n = len(w.moving)
-    blocks = own
-    for f in range(n):
-        if w.moving[f] == 0 or w.part[f] != _FOLLOWS:
-            continue
-        for b in range(own):
-            if T.exponent[slot, b] == 0.0j:
-                return -1
-            total = complex(0.0, 0.0)
-            for i in range(n):
-                if w.part[i] != _FOLLOWS:
-                    total += F[f, i] * V[i, b]
-            V[f, b] = total / T.exponent[slot, b]
-        for i in range(n):
-            drag = 0.0
-            terms = 0.0
-            for b in range(own):
-                drag += (V[f, b] * L[b, i]).real
-                terms += modulus(V[f, b]) * modulus(L[b, i])
-            L[blocks, i] = complex(-drag if abs(drag) > FEW_ROUNDINGS * terms else 0.0, 0.0)
-        V[f, blocks] = L[blocks, f] = complex(1.0, 0.0)
-        T.exponent[slot, blocks] = complex(0.0, 0.0)
-        blocks += 1
-    return blocks
-
-
-@compiled()
 def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
-    """Store ṡ = S s in a unit of time near the shortest of the mode, and what the flights want of
-    its exponents."""
+    """Store ṡ = S s in a unit of time near the shortest of the mode, and the data of its exponents
+    that flights need."""
     F = w.probes.F
     S = T.S[slot]
     n = len(w.moving)
@@ -488,6 +169,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
     still = fastest == 0.0 and len(omega) == 0
     for frequency in omega:
         fastest = max(fastest, frequency)
+    # A power of two, so that the change of the unit of time rounds nothing.
     pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
     T.pace[slot] = pace
     T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, TINIEST)
@@ -537,9 +219,9 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             combine(G[g + 1], F[force + c], -1.0, F[minus + c], 1.0)
             switch[g + 1] = nk + 2 * c + 1
             g += 2
-    for d in range(len(rows.doubtful)):
-        c = rows.doubtful[d, SLIPPING]
-        if c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0:
+    for d in range(len(rows.required)):
+        c = rows.required[d, SLIPPING]
+        if c < 0 or mode[c] * rows.required[d, TOWARDS] > 0:
             combine(G[g], F[n + 4 * nc + nk + d], 1.0, F[0], 0.0)
             switch[g] = nk + 2 * nc + d
             g += 1
@@ -555,7 +237,8 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             felt = felt or G[i, j] != 0.0
         T.felt[slot, j] = 1.0 if felt else 0.0
         w.ones[0, j] = 1.0
-    for k in range(GERM_ORDERS + 1):
+    # |G| |S|ᵏ 1 bounds the k-th derivatives of the guards if no component of s exceeds 1.
+    for k in range(LEADING_ORDERS + 1):
         size = w.ones[k % 2]
         after = w.ones[(k + 1) % 2]
         for i in range(g):
@@ -598,7 +281,7 @@ def put_facets(T: ClosedForms, w: Making, slot: int, rows: Rows, p: int, g: int)
             along = math.cos(angle) if i == 0 else math.sin(angle)
             axis = ratio_of(F[held + 1 + i], F[n + c])
             combine(row, row, 1.0, F[n + nc + c], -along / axis)
-        T.switch[slot, g] = len(rows.kinks) + 2 * nc + len(rows.doubtful) + p
+        T.switch[slot, g] = len(rows.kinks) + 2 * nc + len(rows.required) + p
         g += 1
     return g
 
@@ -627,7 +310,7 @@ def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
 
 @compiled()
 def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array) -> None:
-    """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
+    """Store the constraints of a mode: u of sticking inertial, λ + σs of sliding rate-independent
     contacts.
 
     Parameters

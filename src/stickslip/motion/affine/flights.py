@@ -19,8 +19,8 @@ from stickslip.arrays import Array, IntVector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import (
     EXPONENTS,
-    GERM_ORDERS,
     GUARDS,
+    LEADING_ORDERS,
     SEARCHED,
     SLIDES,
     STICKS,
@@ -149,7 +149,7 @@ def stops(form: ClosedForms, settled: Array, c: int) -> bool:
 
 
 @compiled(inline=True)
-def germs(
+def leading_terms(
     form: ClosedForms,
     f: Flight,
     omega: Array,
@@ -158,8 +158,8 @@ def germs(
     last: float,
     settled: Array,
 ) -> int:
-    """First guard that becomes negative immediately, or −1; the order of the first nonzero
-    derivative of each guard is left in the work space.
+    """First guard that becomes negative immediately, or −1; the order of the leading Taylor term of
+    each guard is left in the work space.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def germs(
     for g in range(form.counts[GUARDS]):
         k = 0
         value = 0.0
-        while k < GERM_ORDERS:
+        while k < LEADING_ORDERS:
             if ready < k:  # derivatives are made as far as they are needed
                 ready = k
                 _derive(S, v, k)
@@ -223,7 +223,7 @@ def germs(
                     break
             k += 1
         orders[g] = k
-        if k < GERM_ORDERS and value < 0.0:
+        if k < LEADING_ORDERS and value < 0.0:
             return g
     return -1
 
@@ -324,7 +324,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     soonest = np.inf
     for g in range(form.counts[GUARDS]):
         f.kind[g] = _NEVER
-        if f.orders[g] >= GERM_ORDERS:
+        if f.orders[g] >= LEADING_ORDERS:
             if not stays_zero(form, f, g, omega):
                 return UNKNOWN
             continue
@@ -510,7 +510,7 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
 
 
 @compiled()
-def is_drowned(
+def is_below_rounding(
     form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array
 ) -> bool:
     """Whether a component of the state is lost in rounding: at the end of the flight just found and

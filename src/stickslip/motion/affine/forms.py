@@ -16,9 +16,9 @@ from stickslip.arrays import (
     Matrix,
     Vector,
 )
-from stickslip.motion.affine.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
 from stickslip.motion.affine.matrices import Probes, make_probes
+from stickslip.motion.algebra.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
 
@@ -27,7 +27,9 @@ AFFINE = 1
 SMOOTH = 2
 SLIDES = 1
 STICKS = 2
-GERM_ORDERS = 6
+LEADING_ORDERS = 6
+STIFF_RATIO = 40.0
+"""Ratio of rates above which a mode is stiff: then flights are always faster than steps."""
 FEW_COMPONENTS = 4
 """Components of a state of which none is moved at so high an order that it is lost."""
 FACETS = 16
@@ -132,7 +134,7 @@ def make_closed_forms(
     n: int,
     contacts: int,
     kinks: int,
-    doubtful: int,
+    required: int,
     waves: int,
     planes: int = 0,
 ) -> ClosedForms:
@@ -144,14 +146,14 @@ def make_closed_forms(
         Groups of motions with the same parameters, and slots of each.
     n, contacts, kinks : int
         Components of the state, and switches of both sorts.
-    doubtful : int
+    required : int
         Rows that must not become negative.
     waves : int
         Frequencies of the drives.
     planes : int
         Contacts in a plane.
     """
-    guards = kinks + 2 * contacts + doubtful + FACETS * planes
+    guards = kinks + 2 * contacts + required + FACETS * planes
     m = groups * slots
     ns = n + 2 + 2 * waves
     z = np.zeros
@@ -170,7 +172,7 @@ def make_closed_forms(
         sine=z((m, n)),
         R=z((m, n, ns), c),
         G=z((m, guards, ns)),
-        reach=z((m, guards, GERM_ORDERS + 1)),
+        reach=z((m, guards, LEADING_ORDERS + 1)),
         felt=z((m, ns)),
         switch=z((m, guards), i),
         c1=z((m, rows, ns)),
@@ -357,11 +359,11 @@ def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flig
     """
     z = np.zeros
     c = np.complex128
-    orders = GERM_ORDERS + 1
+    orders = LEADING_ORDERS + 1
     n = int(rows.sizes[DIMENSION])
     contacts, kinks = len(rows.u), len(rows.kinks)
     ns = n + 2 + 2 * waves
-    guards = kinks + 2 * contacts + len(rows.doubtful) + FACETS * len(rows.planes) + 1
+    guards = kinks + 2 * contacts + len(rows.required) + FACETS * len(rows.planes) + 1
     return Flight(
         v=z((orders, ns)),
         size=z((orders, ns)),

@@ -56,7 +56,7 @@ class KeptModes(NamedTuple):
 
 
 def make_kept_modes(n: int) -> KeptModes:
-    """Room for the modes of a system with n states; none if these are few."""
+    """Allocate storage for the modes of a system with n states; empty if n is small."""
     of_each = (8 + 2 * 16) * n * n
     slots = min(_MOST, _ROOM // of_each) if n >= _FEWEST else 0
     z = np.zeros

@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     COORDINATES,
     DIMENSION,
-    DOUBTED,
     FIRST_ROW,
     INERTIAL,
     LEAD,
@@ -29,6 +28,7 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     RATE_INDEPENDENT,
+    REQUIRED,
     SEAT,
     STATIC,
     VISCOUS,
@@ -37,9 +37,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    directions_of,
-    own_inverse,
 )
+from stickslip.motion.steps.contacts import directions_of, own_inverse
 from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import COMPUTED_ZERO, EPSILON, FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.translator import compiled
@@ -93,7 +92,7 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
     n, nq = int(rows.sizes[DIMENSION]), int(rows.sizes[INERTIAL])
     nc = len(rows.u)
     drives = 2 + 2 * waves
-    values = n + 4 * nc + len(rows.kinks) + len(rows.doubtful) + 3 * len(rows.planes)
+    values = n + 4 * nc + len(rows.kinks) + len(rows.required) + 3 * len(rows.planes)
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     several = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * drives)]
     later = np.array([0.0, *(several if waves else [1.0] * timed)])
@@ -115,14 +114,14 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
 
 @compiled()
 def facet_row(rows: Rows, p: int) -> int:
-    """The first of the rows of a contact in a plane, behind all others."""
-    others = rows.sizes[DIMENSION] + 4 * len(rows.u) + len(rows.kinks) + len(rows.doubtful)
+    """The first of the rows of a contact in a plane, which follow all others."""
+    others = rows.sizes[DIMENSION] + 4 * len(rows.u) + len(rows.kinks) + len(rows.required)
     return int(others + 3 * p)
 
 
 @compiled()
 def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
-    """Put the drives e = (1, t, cos ω₁t, sin ω₁t, …) behind the n components of the state."""
+    """Append the drives e = (1, t, cos ω₁t, sin ω₁t, …) to the n components of the state."""
     s[n] = 1.0
     s[n + 1] = t
     for m in range(len(omega)):
@@ -211,8 +210,8 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
 
 @compiled()
 def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
-    """Solve the linear problems of a mode, and see what puts sticking contacts back onto their
-    surface; False if they are singular, or if inertia moves."""
+    """Solve the linear problems of a mode, and determine the corrections that put sticking contacts
+    back onto their surface; False if they are singular, or if inertia is not constant."""
     rows = flow.rows
     space = flow.space
     nq = rows.sizes[INERTIAL]
@@ -266,8 +265,8 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
         out[n + 3 * nc + c] = W[rows.minus[c], 0]
     for j in range(nk):
         out[n + 4 * nc + j] = W[rows.kinks[j], 0]
-    for d in range(len(rows.doubtful)):
-        out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
+    for d in range(len(rows.required)):
+        out[n + 4 * nc + nk + d] = W[rows.required[d, REQUIRED], 0]
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
         row = facet_row(rows, p)
@@ -286,8 +285,8 @@ def settle_zero(value: float, size: float) -> float:
 
 @compiled()
 def see_slopes(w: Probes, n: int, window: float) -> bool:
-    """Slopes in time, without waves: late enough, all that was there at the beginning is lost in
-    what has come with time. False where it is not."""
+    """Slopes in time, without waves, from large times, at which the initial values are negligible.
+    False if they are not constant."""
     for r in range(len(w.F)):
         change = w.out[r] - w.rest[r]
         if change != 0.0 and abs(change) < 1e-2 * abs(w.rest[r]):
@@ -298,8 +297,8 @@ def see_slopes(w: Probes, n: int, window: float) -> bool:
 
 @compiled()
 def prepare_fit(omega: Array, window: float, w: Probes) -> bool:
-    """Make the drives (1, t/T, cos ω₁t, …) at all times orthogonal to each other; False if they
-    cannot be told apart."""
+    """Orthogonalise the drives (1, t/T, cos ω₁t, …) at all times; False if they are linearly
+    dependent."""
     n = len(w.y)
     for p in range(len(w.basis)):
         drive_vector(w.later[p] * window, omega, w.s, n)
@@ -343,6 +342,7 @@ def orthogonalise(A: Array, axes: Array, lengths: Array) -> None:
                     continue
                 done = False
                 ratio = (b - a) / (2.0 * c)
+                # The smaller of both roots: rotations by at most 45° converge.
                 tangent = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
                 cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
                 sine = cosine * (tangent if ratio >= 0.0 else -tangent)
@@ -383,7 +383,7 @@ def rotate(A: Array, i: int, k: int, cosine: float, sine: float) -> None:
 
 @compiled()
 def add_to_fit(w: Probes, p: int, n: int) -> None:
-    """Add what the values at one time contribute to the coefficients of the drives."""
+    """Add the contribution of the values at one time to the coefficients of the drives."""
     for i in range(len(w.axes)):
         weight = 0.0
         for k in range(len(w.axes)):

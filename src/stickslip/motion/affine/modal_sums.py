@@ -118,8 +118,8 @@ def signal_at(s: ModalSum, x: float) -> float:
 
 @compiled()
 def put_window(s: ModalSum, start: float, h: float) -> float:
-    """Put what is followed of a signal in a window into `values`; returns the bound of what is left
-    out."""
+    """Evaluate a signal in a window, without exponentials that are too fast for it, into `values`;
+    returns the bound of these."""
     whole = start == 0.0 and h == s.length
     for g in range(COUNT):
         s.values[g] = (

@@ -48,7 +48,7 @@ NARROW = _between(0.5)
 
 @compiled()
 def most(a: float, b: float) -> float:
-    """The larger of two; what is not a number is infinite, so that it is never lost."""
+    """The larger of two numbers; NaN counts as infinite, so that it is never lost."""
     return a if b <= a else (b if b == b else np.inf)
 
 

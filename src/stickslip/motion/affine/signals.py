@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.steps.roots import NONE, divide_out, first_crossing
+from stickslip.motion.algebra.roots import NONE, divide_out, first_crossing
 from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.translator import compiled
 
@@ -319,8 +319,8 @@ def left_out(s: SignalSum, start: float, h: float) -> float:
 
 @compiled()
 def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple[float, float]:
-    """Length of the next window: that of the fastest exponential, or a longer one where all that is
-    too fast for it stays far below the value of the signal; and a bound of what is too fast.
+    """Length of the next window: that of the fastest exponential, or a longer one if all faster
+    ones are far smaller than the signal; and a bound of these.
 
     The fast modes of a structure are small, and decay soon; they need not be followed.
 
@@ -350,7 +350,8 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
 
 @compiled()
 def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
-    """Taylor polynomial of a signal at a time, in powers of a window, without what is left out.
+    """Taylor polynomial of a signal at a time, in powers of a window, without the omitted
+    exponentials.
 
     Parameters
     ----------
@@ -384,8 +385,8 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> tuple[float, float]:
-    """First fall of any signal, and how far was looked: window after window, its Taylor polynomial
-    and the roots of that.
+    """First descent of any signal through zero, and the time up to which was searched: window after
+    window, by the roots of Taylor polynomials.
 
     What decays leaves room for longer windows, in which it is known as exactly as at the beginning,
     in parts of what it was there: it takes some sixteen until nothing is left of it. What is fast

@@ -49,8 +49,8 @@ from stickslip.motion.steps.arrays import (
     STATIC,
     Flow,
     Rows,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.translator import compiled
 
 # Bits, but for the first.
@@ -93,8 +93,8 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
         found |= kinds[plane[STATIC]]
         for i in range(len(directions_of(rows, plane[LEAD]))):
             found |= kinds[plane[AHEAD + i]]
-    for d in range(len(rows.doubtful)):
-        found |= kinds[rows.doubtful[d, 0]]
+    for d in range(len(rows.required)):
+        found |= kinds[rows.required[d, 0]]
     return found & _OTHER == 0
 
 

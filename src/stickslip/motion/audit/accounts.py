@@ -13,7 +13,8 @@ import numpy as np
 from stickslip.arrays import Matrix, Vector
 from stickslip.motion.affine.nodes import most
 from stickslip.motion.audit.observers import Sums, make_sums
-from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space, own_inverse
+from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space
+from stickslip.motion.steps.contacts import own_inverse
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, rate_terms
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.translator import compiled
@@ -102,7 +103,7 @@ class Steps(NamedTuple):
 
 
 def make_steps(count: int, n: int) -> Steps:
-    """Room for some steps."""
+    """Allocate arrays for a number of steps."""
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
@@ -115,7 +116,7 @@ class Accounts(NamedTuple):
 
 
 def make_accounts(count: int, rows: Rows) -> Accounts:
-    """Room for some steps."""
+    """Allocate accounts for a number of steps."""
     n = int(rows.sizes[DIMENSION])
     return Accounts(make_steps(count, n), make_tally(rows), make_sums((), n, len(rows.u)))
 
@@ -137,7 +138,7 @@ def samples_of(rows: Rows, c: int) -> int:
 
 @compiled()
 def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
-    """The speed that forces would give to what sticks.
+    """The speed that forces would give to a sticking contact if it were free.
 
     Parameters
     ----------

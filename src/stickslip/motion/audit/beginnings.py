@@ -15,6 +15,7 @@ from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
 from stickslip.motion.affine.nodes import most
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
 from stickslip.motion.audit.forces import HOLDS, RUBS, may_have_others, widest_room
 from stickslip.motion.audit.step_ends import jump_after
@@ -34,12 +35,9 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    inertial_friction,
-    is_loose,
-    opens,
     plain_coefficients,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import inertial_friction, is_loose, opens, set_mode
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -49,7 +47,6 @@ from stickslip.motion.steps.sets import (
     rate_terms,
 )
 from stickslip.motion.steps.starting import coefficients, is_prescribed
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
@@ -111,8 +108,8 @@ def may_stick_again(rows: Rows, c: int, quiet: bool) -> bool:
 
 @compiled()
 def has_friction(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether the friction of a contact is what its law says: something presses it, and it is not
-    one between given motions, whose force follows from its velocity alone."""
+    """Whether the friction of a contact is given by its law: a normal force acts on it, and it is
+    not between prescribed motions, where its force follows from its velocity alone."""
     return not (is_loose(rows, mode, c) or is_prescribed(rows, c))
 
 
@@ -126,8 +123,8 @@ def adheres(rows: Rows, c: int) -> bool:
 def hold_beginnings(
     machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int, tally: Tally
 ) -> bool:
-    """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
-    does for which that is a question. Its forces are left in the work space.
+    """Set contacts that begin to slip with a step to stick, or to rest as before; returns whether
+    any of them could have stuck. Their forces are left in the work space.
 
     Parameters
     ----------
@@ -186,8 +183,8 @@ def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
 def release_what_stays(
     machine: Machine, flow: Flow, at: Instant, ends: Record, slips: Array, i: int
 ) -> bool:
-    """Let those slip on whose velocity is still nothing but rounding errors at the end of a step:
-    their slip ends, and none begins. Whether one is left that begins.
+    """Exempt contacts whose velocity is still within rounding errors at the end of a step: their
+    slip ends, and none begins. Returns whether any beginning slip is left.
 
     Parameters
     ----------
@@ -217,8 +214,8 @@ def release_what_stays(
 
 @compiled(brief=True)
 def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
-    """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
-    the largest velocity before: what slowed down has the rounding errors of what it was."""
+    """Whether the relative velocity of a contact vanishes, up to rounding errors; on a line
+    relative to the largest velocity before, whose rounding errors remain after a deceleration."""
     if rows.plane[c] >= 0:
         return is_at_rest(rows, space.W, c, 1.0)
     return bool(abs(space.W[rows.u[c], 0]) <= ROUNDING * max(space.mag[c], largest))
@@ -233,9 +230,9 @@ def is_steady(rows: Rows, space: Space, c: int) -> bool:
 
 @compiled()
 def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
-    """Which of the contacts that are held is nearest to its threshold, and the part of its force by
-    which it is below; −1 and 0 where one has no room; −1 and −1 where something else keeps them
-    from resting: another contact, what may happen beyond a kink, or a gap that may close.
+    """The held contact nearest to its threshold, and its relative margin; −1 and 0 if a contact has
+    no margin; −1 and −1 if something else prevents rest: another contact, an event beyond a kink,
+    or a gap that may close.
 
     Parameters
     ----------

@@ -42,11 +42,9 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    directions_of,
-    is_loose,
-    own_inverse,
     tape_of,
 )
+from stickslip.motion.steps.contacts import directions_of, is_loose, own_inverse
 from stickslip.motion.steps.directions import spread_given
 from stickslip.motion.steps.sets import force_terms, gap_terms, kink_terms, rate_terms
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
@@ -132,15 +130,15 @@ def slope_range(c: Array, N: int, powers: Array) -> float:
 
 
 @compiled()
-def strays(disc: Array, factor: float) -> float:
+def deviation_bound(disc: Array, factor: float) -> float:
     """Bound of the deviation of a row between the nodes."""
     return factor * disc[BALL] + 2.0 * (1.0 + LEBESGUE) * disc[OFF]
 
 
 @compiled()
-def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
+def residual_deviation(rows: Rows, discs: Array, r: int, factor: float) -> float:
     """Bound of the residual of a part of the state between the nodes."""
-    return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
+    return deviation_bound(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
 
 
 @compiled()
@@ -184,7 +182,7 @@ def extent_of_body(
 
 @compiled()
 def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
-    """For how long an error of a rate counts in a piece of length h.
+    """Time for which an error of a rate counts in a piece of length h.
 
     Where a polynomial lasts longer than a series, because something decays, that is as long as a
     series would last, or as the terms of the rate would take to change this part of the state by
@@ -218,7 +216,7 @@ def encloses(
     factor: float,
     tally: Tally,
 ) -> bool:
-    """Whether what may be between the nodes of a piece is negligible.
+    """Whether possible deviations between the nodes of a piece are negligible.
 
     Parameters
     ----------
@@ -247,7 +245,7 @@ def encloses(
         size = max(max(extent(W[r], N, powers), tally.state[LARGEST, r]), shared)
         time = counts_for(rows, mag, r, size, h, acting)
         size += REST_PART * impulse(rows, mag, r, acting)
-        if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE_PART * size:
+        if not time * residual_deviation(rows, discs, r, factor) <= NEGLIGIBLE_PART * size:
             return False
     for c in range(nc):
         speed = max(
@@ -259,7 +257,7 @@ def encloses(
             # Forces that begin with zero make a velocity, too.
             made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
             speed += REST_PART * acting * made
-        if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:
+        if not deviation_bound(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
         held = max(CANCELLED_PART * force_terms(rows, mag, c), tally.law[c, LARGEST_FORCE])
@@ -268,7 +266,7 @@ def encloses(
         # What nothing presses has no friction, but for rounding errors.
         loose = is_loose(rows, mode, c)
         for row in forces:
-            if not loose and not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
+            if not loose and not deviation_bound(discs[row], factor) <= NEGLIGIBLE_PART * held:
                 return False
     for c in rows.openings:
         row = rows.gaps[c]
@@ -276,17 +274,19 @@ def encloses(
         size = extent(W[row], N - 1, powers) + h * mag[c]
         size += REST_PART * acting * acting * rate_terms(rows, mag, c)
         size += gap_terms(rows, mag, c)
-        if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
+        if not deviation_bound(discs[row], factor) <= NEGLIGIBLE_PART * max(
+            size, tally.law[c, OPENING]
+        ):
             return False
     for plane in rows.planes:
         c = plane[LEAD]
         if is_loose(rows, mode, c):
             continue
         held = max(tally.law[c, LARGEST_FORCE], extent(W[rows.plus[c]], N - 1, powers))
-        loose = strays(discs[plane[ADMISSIBLE]], factor)
+        loose = deviation_bound(discs[plane[ADMISSIBLE]], factor)
         turns = 0.0
         for i in range(len(directions_of(rows, c))):
-            turns += strays(discs[plane[AIM] + i], factor)
+            turns += deviation_bound(discs[plane[AIM] + i], factor)
         if not (loose <= NEGLIGIBLE_PART * held * held and turns <= NEGLIGIBLE_PART):
             return False
     for j in range(len(rows.kinks)):
@@ -296,6 +296,6 @@ def encloses(
             CANCELLED_PART * kink_terms(rows, mag, j),
             tally.kinks[j, REACHED],
         )
-        if not strays(discs[row], factor) <= NEGLIGIBLE_PART * size:
+        if not deviation_bound(discs[row], factor) <= NEGLIGIBLE_PART * size:
             return False
     return True

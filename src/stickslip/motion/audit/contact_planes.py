@@ -28,7 +28,7 @@ from stickslip.motion.audit.accounts import (
     free_speed,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import strays
+from stickslip.motion.audit.between_nodes import deviation_bound
 from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
@@ -45,8 +45,8 @@ from stickslip.motion.steps.arrays import (
     STATIC,
     Rows,
     Space,
-    directions_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.sets import (
     force_terms,
     is_rate_independent,
@@ -64,9 +64,9 @@ from stickslip.translator import compiled
 def sample_plane(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
-    """Keep what the law of a contact in a plane says at a node: s² − |A⁻¹λ|² and both velocities
-    in stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction. The first
-    and the last stand in the rows of the first direction; velocities, and what is across two
+    """Evaluate the law of a contact in a plane at a node: s² − |A⁻¹λ|² and both velocities in
+    stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction. The first
+    and the last are in the rows of the first direction; velocities, and cross products of two
     directions, in those of the direction, or of the second one.
 
     Parameters
@@ -94,6 +94,7 @@ def sample_plane(
     speed = 0.0
     for i in range(len(block)):
         speed = math.hypot(speed, V[plane[AHEAD + i], 0])
+    # A speed whose terms nearly cancel is known only relative to these.
     speed = max(speed, CANCELLED_PART * whole_speed(rows, mag, c))
     law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], speed)
     if mode[c] == 0:
@@ -123,7 +124,7 @@ def sample_plane(
 
 
 @compiled()
-def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
+def product_deviation(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
     """Bound of the deviation of a product of two rows between the nodes.
 
     Parameters
@@ -133,7 +134,7 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
     a, b : int
         The rows.
     factor : float
-        As in :func:`.strays`.
+        As in :func:`.deviation_bound`.
     """
     x, y = abs(W[a, 0]), abs(W[b, 0])
     u, v = discs[a, BALL], discs[b, BALL]
@@ -143,9 +144,9 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
 
 @compiled()
 def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
-    """By how much rounding errors of velocities turn the directions of slips in a piece, and with
-    them the forces that a contact has beside these, in parts of its size: where a slip ends, the
-    last that is left of it is rounding errors.
+    """Uncertainty of the directions of slips in a piece due to rounding errors of velocities, and
+    of the other forces of the contact, relative to its size. Where a slip ends, its velocity falls
+    below the rounding errors.
 
     Parameters
     ----------
@@ -200,14 +201,15 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     rounding = ROUNDING * whole_speed(rows, mag, c)
     if mode[c] == 0:
         force = law[c, LARGEST_FORCE]
-        loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
+        loose = deviation_bound(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * force * force)
+        # s² − |A⁻¹λ|² ≈ 2 s (s − |A⁻¹λ|): divided by s below, it is a force.
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
         unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, EXCESS] = most(law[c, EXCESS], (loose - low - unsure) / force)
         for i in range(len(block)):
-            moves = strays(discs[plane[AHEAD + i]], factor) if known else 0.0
+            moves = deviation_bound(discs[plane[AHEAD + i]], factor) if known else 0.0
             creep = largest_of(samples[samples_of(rows, block[i]) + 1]) + moves - rounding
             law[c, CREEP] = most(law[c, CREEP], creep)
         return
@@ -215,11 +217,12 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     across = 0.0
     unit = 0.0
     for j in range(len(block) if known else 0):
-        along += product_strays(W, discs, aim + j, plane[AHEAD + j], factor)
-        unit += product_strays(W, discs, aim + j, aim + j, factor)
+        along += product_deviation(W, discs, aim + j, plane[AHEAD + j], factor)
+        unit += product_deviation(W, discs, aim + j, aim + j, factor)
         for i in range(j):
-            across += product_strays(W, discs, aim + i, plane[AHEAD + j], factor)
-            across += product_strays(W, discs, aim + j, plane[AHEAD + i], factor)
+            across += product_deviation(W, discs, aim + i, plane[AHEAD + j], factor)
+            across += product_deviation(W, discs, aim + j, plane[AHEAD + i], factor)
+    # The slip has the direction of the friction if n·Au ≥ 0 and n × Au = 0.
     low = least_on_nodes(samples[row], space.bernstein, rounding)
     law[c, BACKWARDS] = most(law[c, BACKWARDS], along - rounding - low)
     for j in range(len(block)):
@@ -233,15 +236,16 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         off = largest_of(samples[samples_of(rows, block[1])])
         off -= ROUNDING * (force_terms(rows, mag, c) + force_terms(rows, mag, block[1]))
         if known and law[c, LARGEST_FORCE] > 0.0:
-            off += strays(discs[plane[ADMISSIBLE]], factor) / law[c, LARGEST_FORCE]
+            off += deviation_bound(discs[plane[ADMISSIBLE]], factor) / law[c, LARGEST_FORCE]
         law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], off)
 
 
 @compiled()
 def share_sizes(rows: Rows, state: Array) -> None:
-    """Give the coordinates that a contact in a plane moves, and their velocities, one size, and so
-    the modes of a structure: they are components of vectors, and a turn of the axes does not
-    matter. None is smaller than next to nothing of the largest place, or velocity.
+    """Assign one common size to the coordinates that a contact in a plane moves, and one to their
+    velocities, and the same for the modes of a structure: they are components of vectors, whose
+    choice of axes is arbitrary. No size is smaller than a tiny fraction of the largest position, or
+    velocity.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ from stickslip.motion.admissible.cones import (
     no_cones,
 )
 from stickslip.motion.admissible.impacts_law import put_part
-from stickslip.motion.admissible.leaving import lacking_part
+from stickslip.motion.admissible.leaving import missing_fraction
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first, sticks_in
 from stickslip.motion.affine.nodes import (
     COUNT,
@@ -50,6 +50,7 @@ from stickslip.motion.affine.nodes import (
     most,
     to_control_points,
 )
+from stickslip.motion.algebra.roots import horner
 from stickslip.motion.audit.accounts import (
     EXCESS,
     LARGEST_FORCE,
@@ -60,7 +61,7 @@ from stickslip.motion.audit.accounts import (
     Tally,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import blurred_by_turns
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve
@@ -78,11 +79,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    direction_entry,
-    inertial_friction,
-    is_loose,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import direction_entry, inertial_friction, is_loose
 from stickslip.motion.steps.sets import (
     axis_of,
     force_terms,
@@ -112,8 +110,8 @@ def kept_room(trial: int) -> float:
 
 @compiled(brief=True)
 def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
-    """Look for other forces of what rests in a piece that obey the law; if there are any, their
-    guards take the place of those of the mode.
+    """Look for other forces of resting contacts in a piece that obey the law; if there are any,
+    their guards replace those of the mode.
 
     Parameters
     ----------
@@ -202,7 +200,7 @@ def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
 
 @compiled(brief=True)
 def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int) -> bool:
-    """Find admissible forces of what rests, with the effect of those of the mode.
+    """Find admissible forces of resting contacts that have the same effect as those of the mode.
 
     Parameters
     ----------
@@ -258,8 +256,8 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
 
 @compiled(brief=True)
 def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> bool:
-    """The cones of what rests, and its forces in the mode; False if coefficients of friction change
-    in the piece.
+    """Set up the admissible cones of resting contacts, and their forces in the mode; False if
+    coefficients of friction change in the piece.
 
     Parameters
     ----------
@@ -362,15 +360,15 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
 
 @compiled(brief=True)
 def difference_at(cones: Array, c: int, part: float) -> float:
-    """The difference of a force at a part of the way from one end to the other."""
+    """Difference of a force at a fraction of the way from one end to the other."""
     return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
 
 
 @compiled(brief=True)
 def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
-    """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
-    mode has no force, differences that change evenly are admissible between if they are at the
-    ends."""
+    """Whether the guards of resting contacts are nonnegative, up to rounding errors; where the mode
+    determines no force, differences that change linearly are admissible between the ends if they
+    are at both."""
     for c in range(rows.sizes[ON_INERTIAL]):
         if space.cones[RESTS, c] != HOLDS:
             continue
@@ -386,8 +384,8 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
 
 @compiled()
 def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
-    """Whether forces of what rests do not obey the law at a node; what rests is put into the work
-    space.
+    """Whether forces of resting contacts violate the law at a node; the resting contacts are marked
+    in the work space.
 
     Parameters
     ----------
@@ -436,8 +434,8 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
 
 @compiled()
 def may_have_others(rows: Rows, space: Space) -> bool:
-    """Whether other forces of what rests are looked for: there are not too many contacts, and none
-    rubs in a plane."""
+    """Whether to look for other forces of resting contacts: there are not too many, and none has
+    friction in a plane."""
     return len(space.delassus) > 0 and len(rows.planes) == 0
 
 
@@ -452,7 +450,7 @@ def falls_below(space: Space, row: int, force: float) -> bool:
 
 @compiled()
 def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally) -> bool:
-    """Whether the velocity of a contact is nothing but rounding errors in a piece.
+    """Whether the velocity of a contact is within rounding errors of zero in a piece.
 
     Parameters
     ----------
@@ -545,16 +543,18 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
                 continue
             least = max(least, piece.rounding * force_terms(rows, space.mag, c) / force)
             if known:
-                strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
-                strayed += strays(space.discs[radius_row(rows, c)], piece.factor)
-                loose = max(loose, strayed / force + turn_strays(flow, c, piece.factor))
-        lack = lacking_part(flow, mode, first, COUNT - 1, least)
+                deviation = deviation_bound(space.discs[rows.force[c]], piece.factor) / axis_of(
+                    flow, c
+                )
+                deviation += deviation_bound(space.discs[radius_row(rows, c)], piece.factor)
+                loose = max(loose, deviation / force + direction_deviation(flow, c, piece.factor))
+        lack = missing_fraction(flow, mode, first, COUNT - 1, least)
         loose += turned if turned > least else 0.0
         law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])
 
 
 @compiled()
-def turn_strays(flow: Flow, c: int, factor: float) -> float:
+def direction_deviation(flow: Flow, c: int, factor: float) -> float:
     """Bound of the relative deviation of a direction between the nodes of a piece.
 
     Parameters
@@ -567,10 +567,10 @@ def turn_strays(flow: Flow, c: int, factor: float) -> float:
         As in :class:`StepPiece`.
     """
     rows, space = flow.rows, flow.space
-    size, strayed = 0.0, 0.0
+    size, deviation = 0.0, 0.0
     for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
         size += abs(direction_entry(rows, flow.k.J, space.W, c, j))
         row = rows.turning[c, j]
         if row >= 0:
-            strayed += strays(space.discs[row], factor)
-    return strayed / size if strayed > 0.0 else 0.0
+            deviation += deviation_bound(space.discs[row], factor)
+    return deviation / size if deviation > 0.0 else 0.0

@@ -30,18 +30,11 @@ from stickslip.motion.audit.accounts import (
     free_speed,
     samples_of,
 )
-from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
 from stickslip.motion.modes.guards import resting
-from stickslip.motion.steps.arrays import (
-    DIMENSION,
-    ON_INERTIAL,
-    WIDEST,
-    Rows,
-    Space,
-    directions_of,
-    is_loose,
-)
+from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, WIDEST, Rows, Space
+from stickslip.motion.steps.contacts import directions_of, is_loose
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -60,7 +53,7 @@ _LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event m
 def sample_law(
     rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: int, tally: Tally
 ) -> None:
-    """Keep the values of all guards at a node, and the sizes of what they are made of.
+    """Store the values of all guards at a node, and the sizes of their terms.
 
     A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
 
@@ -120,7 +113,7 @@ def sample_law(
 
 @compiled()
 def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
-    """Keep how large the force and the velocity of a contact along a line are."""
+    """Store the sizes of the force and the velocity of a contact along a line."""
     law, mag, V = tally.law, space.mag, space.V
     held = abs(V[rows.force[c], 0])
     # Where thresholds vanish, a force is known up to the rounding of its terms only.
@@ -136,7 +129,8 @@ def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
 def sample_opening(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
-    """Keep the normal force or the gap of what can open, the gap, and the velocity, at a node.
+    """Store the normal force or the gap of a contact that can open, the gap, and the velocity, at a
+    node.
 
     Parameters
     ----------
@@ -190,6 +184,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     law = tally.law
     factor = piece.factor
     unit = space.W[rows.sizes[DIMENSION], 1]
+    # Knots are rounded times: what a quantity does within that rounding is no violation.
     late = _LATE * abs(piece.t) / unit
     for c in rows.openings:
         judge_opening(rows, space, mode, c, factor, tally)
@@ -215,9 +210,12 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
         if factor < np.inf:
-            loose = strays(discs[rows.force[c]], factor)
-            loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
-            tight = strays(discs[rows.u[c]], factor)
+            loose = deviation_bound(discs[rows.force[c]], factor)
+            loose += max(
+                deviation_bound(discs[rows.plus[c]], factor),
+                deviation_bound(discs[rows.minus[c]], factor),
+            )
+            tight = deviation_bound(discs[rows.u[c]], factor)
         if resting(mode[c]):
             for part in range(2 if space.leaving[c] == ON_ITS_OWN or mode[c] != 0 else 0):
                 low = least_on_nodes(
@@ -237,7 +235,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
                     law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
                 )
     for j in range(len(rows.kinks)):
-        between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
+        between = deviation_bound(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * NEGLIGIBLE_PART * tally.kinks[j, REACHED]
         low = least_on_nodes(
             samples[samples_of(rows, len(rows.u)) + j], space.bernstein, negligible
@@ -267,7 +265,7 @@ def judge_opening(
     law = tally.law
     row = samples_of(rows, c)
     known = factor < np.inf
-    apart = strays(space.discs[rows.gaps[c]], factor) if known else 0.0
+    apart = deviation_bound(space.discs[rows.gaps[c]], factor) if known else 0.0
     apart -= ROUNDING * gap_size(rows, space, c)
     if mode[c] != 0:
         low = least_on_nodes(
@@ -277,7 +275,7 @@ def judge_opening(
         if abs(mode[c]) == 2:  # carried, it touches
             law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row]) + apart)
         return
-    loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
+    loose = deviation_bound(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(
         space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
     )

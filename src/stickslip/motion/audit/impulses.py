@@ -59,6 +59,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     inertial_friction,
@@ -92,8 +94,8 @@ _EXPLAINED = 1e-12  # part of a jump that may be left unexplained before another
 def explain_jump(
     machine: Machine, flow: Flow, before: Instant, after: Array, last: float, cause: int
 ) -> None:
-    """Find the impulses that explain a jump of the rates best; what they leave is put into the work
-    space.
+    """Find the impulses that explain a jump of the rates best; the unexplained part is left in the
+    work space.
 
     Whether contacts that are closed but for rounding errors, or for the tolerance, take part is not
     decided by the law: either is admissible.
@@ -203,9 +205,9 @@ def explain_in_turn(
 
 @compiled(brief=True)
 def rests_at_last(rows: Rows, space: Space, c: int, size: float) -> bool:
-    """Whether a contact that can open does not rebound, and would do so with next to no velocity:
-    of infinitely many impacts that follow faster and faster, the last are left out. What rubs may
-    slip instead of being turned back, however slowly.
+    """Whether a contact that can open does not rebound, although its velocity would be tiny: of
+    infinitely many impacts in finite time, the last are left out. A rubbing contact may slip, at a
+    tiny velocity, instead of reversing.
 
     Parameters
     ----------
@@ -257,8 +259,8 @@ def is_pushed(rows: Rows, work: Array, c: int) -> bool:
 def fit_impulses(
     rows: Rows, space: Space, before: Array, after: Array, cause: int, trial: int
 ) -> float:
-    """Find the impulses of least distance where velocities that are slow are zero; what
-    :func:`judge_jump` says of them.
+    """Find the impulses of minimum distance with slow velocities set to zero; returns as
+    :func:`judge_jump`.
 
     Parameters
     ----------
@@ -410,8 +412,9 @@ def creates_energy(rows: Rows, space: Space) -> bool:
 
 @compiled(brief=True)
 def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
-    """What can be held at rest is held: if other impulses set fewer contacts in motion whose static
-    friction is the larger one, the difference to the jump that these make is not explained.
+    """Require that contacts which can be held at rest are held: if other impulses set fewer
+    contacts with higher static friction in motion, the difference to the resulting jump is counted
+    as unexplained.
 
     Parameters
     ----------

@@ -14,9 +14,10 @@ import numpy as np
 
 from stickslip.arrays import Array, IntVector, Vector
 from stickslip.motion.affine.nodes import GAUSS_NODES, GAUSS_WEIGHTS
+from stickslip.motion.algebra.roots import halve, horner, lowest
 from stickslip.motion.modes.guards import resting, stands
-from stickslip.motion.steps.arrays import Rows, directions_of
-from stickslip.motion.steps.roots import halve, horner, lowest
+from stickslip.motion.steps.arrays import Rows
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EXTREMUM_KNOWN, LAST_DIGITS
 from stickslip.translator import compiled
 

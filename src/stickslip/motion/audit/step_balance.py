@@ -21,6 +21,8 @@ from stickslip.arrays import Array, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.sharing import any_share, find_shared
 from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
+from stickslip.motion.algebra.roots import horner, slopes_at_nodes
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -53,7 +55,7 @@ from stickslip.motion.audit.accounts import (
     count_gaps,
 )
 from stickslip.motion.audit.beginnings import judge_beginning
-from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_strays
+from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_deviation
 from stickslip.motion.audit.contact_planes import share_sizes
 from stickslip.motion.audit.forces import (
     asks_for_others,
@@ -86,10 +88,8 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions
-from stickslip.motion.steps.roots import horner, slopes_at_nodes
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import ENERGY_SCALE, EPSILON, INSTANT, ROUNDING, SHORTEST_PIECE
 from stickslip.translator import compiled
 
@@ -269,8 +269,8 @@ def measure_piece(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Evaluate the law at the nodes of a piece, and add up what was found there and what may be
-    between them.
+    """Evaluate the law at the nodes of a piece, and add up the results and the bounds between the
+    nodes.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def measure_piece(
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
         known = piece.factor < np.inf
-        between = residual_strays(rows, space.discs, r, piece.factor) if known else 0.0
+        between = residual_deviation(rows, space.discs, r, piece.factor) if known else 0.0
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
@@ -436,7 +436,7 @@ def force_size(rows: Rows, law: Array, c: int) -> float:
 
 @compiled()
 def relative(value: float, size: float) -> float:
-    """A violation relative to a size; nothing relative to nothing is nothing."""
+    """A violation relative to a size; 0 if both are 0."""
     if value <= 0.0:
         return 0.0
     return value / size if size > 0.0 else np.inf

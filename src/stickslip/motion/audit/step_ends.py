@@ -6,6 +6,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.affine.nodes import most
+from stickslip.motion.algebra.roots import rate_on
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     CREEP,
     FED,
@@ -48,10 +50,8 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
 )
-from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.sets import force_terms
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
@@ -137,8 +137,8 @@ def close_jump(
     i: int,
     accounts: Accounts,
 ) -> None:
-    """Let the state jump where a step arrives, and count the energy that this takes, or gives; then
-    the step is taken to end there.
+    """Apply the jump of the state at the end of a step, and account for its energy; the step then
+    ends there.
 
     Parameters
     ----------
@@ -233,8 +233,7 @@ def count_jumps(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Count the work that a load which jumps at a time does on what is at rest, too, as supplied
-    energy.
+    """Count the change of energy at a jump of a time-dependent load as supplied energy.
 
     Parameters
     ----------

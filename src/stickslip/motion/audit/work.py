@@ -5,6 +5,8 @@ from __future__ import annotations
 from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS
+from stickslip.motion.algebra.roots import horner, horner_at_nodes, rate_on
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import FED, SPENT
 from stickslip.motion.audit.between_nodes import StepPiece
 from stickslip.motion.modes.inverses import resolve
@@ -21,14 +23,12 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Record,
-    direction_entry,
     is_stopped,
 )
+from stickslip.motion.steps.contacts import direction_entry
 from stickslip.motion.steps.directions import give_directions, take_directions
-from stickslip.motion.steps.roots import horner, horner_at_nodes, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import INSTANT, SHORTEST_PIECE
 from stickslip.translator import compiled
 

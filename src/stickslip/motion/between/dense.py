@@ -14,6 +14,8 @@ import numpy as np
 from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.shown import show_admissible
+from stickslip.motion.algebra.roots import horner
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM,
@@ -27,12 +29,10 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     is_stopped,
-    set_mode,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 
@@ -59,8 +59,8 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
 
 
 def shared_forces(rows: Rows) -> frozenset[int]:
-    """Rows of forces that several contacts share: their series are the least that rest needs, which
-    one of them may not hold; what is shown is not (:func:`.show_admissible`)."""
+    """Rows of forces that several contacts share: their series are those of minimum norm, which may
+    be inadmissible for one contact; the reported ones are admissible (:func:`.show_admissible`)."""
     groups = rows.group[rows.contacts]
     several = [g for g in np.unique(groups[groups >= 0]) if np.sum(groups == g) > 1]
     return frozenset(int(row) for row in rows.force[np.isin(rows.group, several)])

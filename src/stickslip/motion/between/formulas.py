@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def read_formula(system: System, text: str, where: str) -> Expr:
-    """A name or a formula of what results show of a system.
+    """A name or a formula of reported quantities of a system.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def evaluated(formulas: Sequence[Expr], values: Mapping[str, Array | float], cou
 
 
 class Along:
-    """Values of formulas along a motion: from its states, wherever these say all, and from forces,
-    rates and energies otherwise, which are computed again from the states.
+    """Values of formulas along a motion: from its states if these suffice, otherwise from forces,
+    rates and energies, which are recomputed from the states.
 
     Parameters
     ----------

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.algebra.roots import horner
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.between.dense import Scratch
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
@@ -18,9 +20,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     is_stopped,
 )
-from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.stiff import ends_there, follow_mode
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.translator import compiled
 

@@ -73,9 +73,9 @@ def add_terms(tape: DiscTape, i: int) -> None:
 
 @compiled()
 def reach_of_form(tape: DiscTape, i: int) -> float:
-    """How far those terms of a linear combination stray together that are parts of the state, and
-    time: polynomials. What cancels there, as the modes of a structure do at an unknown that is at
-    rest, cancels here, too.
+    """Bound of the joint deviation of those terms of a linear combination that are components of
+    the state, and of time; they are polynomials. Terms that cancel in the combination, such as the
+    modes of a structure at an unknown at rest, also cancel in the bound.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def spread_angle(tape: DiscTape, i: int) -> None:
         ball = discs[row, BALL]
         off = discs[row, OFF]
         y = abs(y)
-        # The slope 1 ± y² strays as y² does.
+        # The slope 1 ± y² deviates as much as y² does.
         both = 2.0 * (y + ball) * off + off * off if off > 0.0 else 0.0
         store(W, discs, row + 1, (2.0 * y + ball) * ball if ball > 0.0 else 0.0, both, 0.0)
 

@@ -142,12 +142,12 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
 
 @compiled()
 def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
-    """Disc of a rate v that solves G(v) = 0; False if what is behind its row has to be followed
-    once more.
+    """Disc of a rate v that solves G(v) = 0; False if the instructions after its row have to be
+    evaluated again.
 
-    In the first turn v is held, and G strays by some g. While v is in a disc of radius B, G′ stays
-    in a disc, too, whose points are all at least d from zero, and so is their mean: v strays by at
-    most g/d. Since v begins in the middle, that is true throughout if g/d ≤ B.
+    In the first pass v is fixed, and G deviates by at most g. While v is in a disc of radius B, G′
+    is in a disc, too, all of whose points are at least d from zero, and so is their mean: v
+    deviates by at most g/d. Since v begins at the centre, v remains in its disc if g/d ≤ B.
     """
     code = tape.program.code
     W = tape.W
@@ -195,13 +195,13 @@ def is_given(W: Array, discs: Array, row: int, speed: int, mode: int) -> bool:
 def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
     """Discs of u/|u| and |u|.
 
-    The two factors of u² = (u₁ + iu₂)(u₁ − iu₂) begin with the modulus |u|, and stray by no more
-    than both components together, a part q of that. So their roots stray by 1 − √(1 − q), in parts
-    of their own modulus, and the reciprocals of these by 1/√(1 − q) − 1. With three components, u²
-    strays by at most 2q + q² in parts of itself, and any root of it as these do together.
+    The two factors of u² = (u₁ + iu₂)(u₁ − iu₂) begin with the modulus |u|, and deviate by at most
+    the sum of the components' deviations, a fraction q of |u|. So their roots deviate by 1 − √(1 −
+    q) relative to their modulus, and the reciprocals of these by 1/√(1 − q) − 1. With three
+    components, u² deviates by at most 2q + q² relative to itself, and any root of it as above.
 
-    A slip that is braked strays mostly along itself. With α along n₀ and β across, it has the
-    direction (α n₀ + β)/√(α² + β·β), which strays by no more than ρ/√(1 − ρ²) + 1/√(1 − ρ²) − 1
+    A decelerating slip deviates mostly along its direction. With α along n₀ and β across, it has
+    the direction (α n₀ + β)/√(α² + β·β), which deviates by at most ρ/√(1 − ρ²) + 1/√(1 − ρ²) − 1
     with any bound ρ of |β|/|α|.
     """
     code = tape.program.code
@@ -225,7 +225,7 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
             s += discs[code[i, FIRST + k], OFF]
         q, s = q / speed, s / speed
         if last - row > 2:
-            # |u² − u₀²|/u₀² = r: the roots stray by 1 − √(1 − r), as with q = r of two components
+            # |u² − u₀²|/u₀² = r: the roots deviate by 1 − √(1 − r), as with q = r of two components
             q = 2.0 * q + q * q
         if q + s < 1.0:
             root = math.sqrt(1.0 - q)
@@ -250,7 +250,7 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
 
 @compiled()
 def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
-    """Discs of what depends on mode and region."""
+    """Discs of rows that depend on mode and region."""
     p = tape.program
     W = tape.W
     discs = tape.discs
@@ -278,7 +278,7 @@ def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
 
 @compiled()
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
-    """Disc of a multiple of a row (of a constant: nothing), or of a sum of two.
+    """Disc of a multiple of a row (zero for a constant), or of a sum of two.
 
     Parameters
     ----------
@@ -374,6 +374,7 @@ def solve_rate_discs(tape: DiscTape, i: int) -> None:
                     weight = abs(R[first + j, k])
                     total += weight * new[k] if weight != 0.0 else 0.0
                 settled = settled and total <= old[j]
+                # Wider than needed, so that the inequality holds after a few sweeps.
                 old[j] = max(old[j], total * (1.0 + _WIDENED))
             if settled:
                 break

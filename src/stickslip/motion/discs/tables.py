@@ -21,7 +21,7 @@ SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
 )
 IMPLICIT_ROW, WITHIN, DIRECTION_ROW = int(Op.IMPLICIT), int(Op.WITHIN), int(Op.DIRECTION)
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
-# for a part of the state, how far its derivative strays.
+# for a component of the state, a bound of the deviation of its derivative.
 BALL, OFF, AT_LEAST, SLOPE = range(4)
 
 
@@ -65,7 +65,7 @@ def factor(p: Program, K: Array, i: int) -> float:
 
 @compiled()
 def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
-    """Keep the numbers of a row; what is no bound is infinite, or zero.
+    """Store the numbers of a row; NaN bounds become infinite, or zero.
 
     Parameters
     ----------

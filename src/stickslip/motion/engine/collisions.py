@@ -58,9 +58,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    directions_of,
-    inertial_contacts,
 )
+from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.numerics.levels import CREATED_ENERGY, IMPACT_ZERO
 from stickslip.translator import compiled
 
@@ -79,7 +78,7 @@ _EQUAL = 1e-9  # part by which energies of approach are equal
 
 @compiled()
 def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
-    """Let velocities jump where a gap is closed and would become negative.
+    """Apply an impact if a gap is closed and would become negative.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
 
 @compiled()
 def put_restitution(rows: Rows, space: Space) -> None:
-    """Restitution of all contacts in the impact at hand; of impacts in turn as it is given."""
+    """Restitution of all contacts in the current impact; for sequential impacts as given."""
     for c in range(rows.sizes[ON_INERTIAL]):
         e = (
             given_restitution(rows, space, c)
@@ -285,8 +284,8 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
 
 @compiled()
 def energy_of(rows: Rows, space: Space, c: int) -> float:
-    """Twice the kinetic energy that the approach of a contact carries: what it would lose, without
-    friction, if it were stopped."""
+    """Twice the kinetic energy of the approach of a contact: the energy lost, without friction, if
+    it were stopped."""
     approach = min(space.impact[BEFORE, c], 0.0)
     own = space.delassus[c, c]
     near = space.tried[NEAR, c] == 1
@@ -304,7 +303,7 @@ def most_energy(rows: Rows, space: Space) -> float:
 
 @compiled()
 def choose_by_velocities(rows: Rows, space: Space) -> None:
-    """The mode after impacts in turn, by the velocities that are left: what is at rest sticks."""
+    """The mode after sequential impacts, by the remaining velocities: contacts at rest stick."""
     work = space.impact
     slow = IMPACT_ZERO * largest_jump(rows, work)
     for c in inertial_contacts(rows):
@@ -325,9 +324,9 @@ def choose_by_velocities(rows: Rows, space: Space) -> None:
 def change_in_turn(
     machine: Machine, flow: Flow, before: Instant, last: float, only: int, slack: float
 ) -> bool:
-    """Find the change of the rates by impacts in turn, and leave it in the work space; whether
-    there is one. Where nothing approaches, as when a contact opens from rest, it is zero, if the
-    contact in question counts as closed.
+    """Find the change of the rates by sequential impacts, and leave it in the work space; returns
+    whether there is one. If nothing approaches, as when a contact opens from rest, it is zero,
+    provided that the contact in question counts as closed.
 
     Parameters
     ----------

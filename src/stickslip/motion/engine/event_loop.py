@@ -16,6 +16,8 @@ from stickslip.arrays import Array, IntMatrix, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
+from stickslip.motion.algebra.roots import value_and_slope
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.events import (
     count_step,
     fire,
@@ -26,12 +28,11 @@ from stickslip.motion.engine.events import (
 )
 from stickslip.motion.engine.flying import fly_on, slot_of
 from stickslip.motion.engine.impacts import is_paradox
-from stickslip.motion.modes.guards import contact_of, doubt_of, first_event, guard_at
-from stickslip.motion.modes.mode_series import keeps
+from stickslip.motion.modes.guards import contact_of, first_event, guard_at, requirement_of
+from stickslip.motion.modes.mode_series import matches_prediction
 from stickslip.motion.modes.resting import settle
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
-    ASTRAY,
     AU_SIZE,
     CAUSE,
     DIMENSION,
@@ -54,9 +55,10 @@ from stickslip.motion.steps.arrays import (
     ON_JUMP,
     ON_VISCOUS,
     OUTSIDE_TABLE,
-    PROMISED,
+    PREDICTED,
     RATE_INDEPENDENT,
     RECENT,
+    REJECTED,
     SERIES,
     SLIPPING,
     SPAN,
@@ -74,14 +76,12 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_stopped,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.directions import take_direction
-from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import CLOSEST, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
@@ -197,10 +197,10 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     room = np.inf
     again, entering = False, True
     due = NOWHERE
-    promised = 0.0
+    unchecked = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
-        if not again and (is_full(task, rows, count) or (promised == 0.0 and is_stopped(space))):
+        if not again and (is_full(task, rows, count) or (unchecked == 0.0 and is_stopped(space))):
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or is_time_to_look(rows, lane.mode, counters[TAKEN])
@@ -210,12 +210,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             entering = False
             if code >= 0:
                 return code, note(rows, lane, task, count)
-        status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
-        if status == ASTRAY:
+        status, h, series, may_fire = settle(machine, flow, lane, most, hold, unchecked)
+        if status == REJECTED:
             go_back(lane, space, before)
-            room = _CUT * promised
+            room = _CUT * unchecked
             again = True
-            promised = 0.0
+            unchecked = 0.0
             continue
         if status != OK:
             restore_mode(lane.mode, lane.settled)
@@ -224,7 +224,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             if code >= 0:
                 return code, note(rows, lane, task, count)
             if late:
-                promised = 0.0
+                unchecked = 0.0
                 continue
         if not again:
             count = note(rows, lane, task, count)
@@ -238,29 +238,29 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         x, which = first_event(space, may_fire, flow.order)
         if which < 0 and over >= 0:
             x, which = min(1.0, ends / h), over
-        doubt = doubt_of(which, len(rows.kinks), len(rows.u))
-        if doubt >= 0 and x == 0.0:
-            return inadmissible(rows.doubtful, doubt), count
+        requirement = requirement_of(which, len(rows.kinks), len(rows.u))
+        if requirement >= 0 and x == 0.0:
+            return inadmissible(rows.required, requirement), count
         look_ahead(flow, x, h)
         if which < len(rows.kinks):
             which = end_instead(flow, lane, which, x * h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
-        asked = is_promise_due(rows, lane, which, due) or is_full(task, rows, count)
+        asked = is_check_due(rows, lane, which, due) or is_full(task, rows, count)
         if asked and not solves(machine, flow, lane, x * h, which):
             room = _CUT * x * h
             again = True
-            promised = 0.0
+            unchecked = 0.0
             continue
-        promised = 0.0 if asked else x * h
+        unchecked = 0.0 if asked else x * h
         before = Before(t, clock[LAST], clock[SERIES], clock[RECENT], fired)
-        copy(lane.y, space.promise[STARTED])
+        copy(lane.y, space.last_step[STARTED])
         copy(space.trial, lane.y)
         room = np.inf
         again = False
         count_step(clock, counters, h, series, end if which < 0 and h >= end - t else t + x * h)
-        if doubt >= 0:
-            return inadmissible(rows.doubtful, doubt), count
+        if requirement >= 0:
+            return inadmissible(rows.required, requirement), count
         if which >= 0 or due >= 0:  # after a jump closed forms may continue
             rest_together(flow, lane, which, x * h)
             return (
@@ -283,7 +283,7 @@ def is_time_to_look(rows: Rows, mode: Array, taken: int) -> bool:
 
 
 @compiled()
-def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
+def is_check_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
     """Whether the rates at the end of a step have to be checked there: at an event (`which` is not
     −1), after a jump (`due` is not −1), if nothing else would check them, or at regular
     intervals."""
@@ -302,7 +302,7 @@ def go_back(lane: Lane, space: Space, before: Before) -> None:
     clock[RECENT] = before.recent
     lane.counters[CAUSE] = before.cause
     lane.counters[TAKEN] -= 1
-    copy(space.promise[STARTED], lane.y)
+    copy(space.last_step[STARTED], lane.y)
 
 
 @compiled()
@@ -356,9 +356,9 @@ def runs_away(sizes: Array, mode: Array) -> bool:
 
 
 @compiled()
-def inadmissible(doubtful: Array, doubt: int) -> int:
+def inadmissible(required: Array, requirement: int) -> int:
     """Outcome code for a row that must not be negative, but is."""
-    return NEGATIVE if doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
+    return NEGATIVE if required[requirement, SLIPPING] < 0 else INADMISSIBLE
 
 
 @compiled()
@@ -370,7 +370,7 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
     if x < 1.0:
         fill_powers(space.powers, x * h / space.W[n, 1])
     for i in range(n):
-        space.trial[i], space.promise[PROMISED, i] = value_and_slope(
+        space.trial[i], space.last_step[PREDICTED, i] = value_and_slope(
             space.W[i], flow.order, space.powers
         )
 
@@ -404,7 +404,7 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
         set_mode(rows, lane.mode, plane[LEAD], before[plane[LEAD]])
     if status != OK:
         return True  # the rates are undetermined here, which the next step reports
-    return keeps(flow, space.V, space.trial, lane.seen, h)
+    return matches_prediction(flow, space.V, space.trial, lane.seen, h)
 
 
 @compiled()

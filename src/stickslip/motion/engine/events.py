@@ -6,10 +6,17 @@ The clock, the counters and the record of a motion are written here, too.
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.collisions import CREATES, JUMPED, NO_IMPULSE, collide
 from stickslip.motion.engine.impacts import first_approaching, open_all, size_gaps
 from stickslip.motion.engine.jumps import due_jump, fires, make_jump, passed_jumps
-from stickslip.motion.modes.guards import germ, guard_of, may_collide, resting, spell
+from stickslip.motion.modes.guards import (
+    extended_word,
+    guard_of,
+    leading_term,
+    may_collide,
+    resting,
+)
 from stickslip.motion.modes.pivots import flip, set_regions
 from stickslip.motion.modes.surfaces import just_opened
 from stickslip.motion.steps.arrays import (
@@ -44,11 +51,10 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Task,
-    leads,
 )
-from stickslip.motion.steps.sets import kink_terms, remember_gaps
+from stickslip.motion.steps.contacts import leads
+from stickslip.motion.steps.sets import kink_terms, store_gap_sizes
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import CLOSEST, FIRED
 from stickslip.translator import compiled
 
@@ -113,7 +119,7 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
     nk = len(rows.kinks)
     # Events that coincide have no order, and what lies between them is no mode of the motion.
     if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
-        counters[WORD] = spell(counters[WORD], lane.settled, lane.reg)
+        counters[WORD] = extended_word(counters[WORD], lane.settled, lane.reg)
     clock[SINCE] = clock[NOW]
     fired = flip(rows, guard, lane.mode, lane.reg, leaving)
     if fired < nk and rows.vanishing[fired] >= 0:
@@ -132,8 +138,8 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
 def jump_and_collide(
     machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, entering: bool
 ) -> tuple[int, int, int]:
-    """Let the state jump where a jump is due, then what closes collide: at the start, where a
-    motion goes on that was stopped, and after an event.
+    """Apply a jump of the state that is due, then impacts of closing contacts: at the start, when a
+    stopped motion is resumed, and after an event.
 
     Parameters
     ----------
@@ -161,7 +167,7 @@ def jump_and_collide(
     if due >= 0:
         code, zero = take_jump(machine, flow, lane, due)
     if code < 0 and has_gaps(rows):
-        code, count = knock(machine, flow, lane, task, count, entering, due, zero)
+        code, count = collide_if_closing(machine, flow, lane, task, count, entering, due, zero)
     copy(lane.reg, flow.space.stood)
     flow.space.stood[len(lane.reg)] = rows.jumps[due, KINK] if due >= 0 else NOWHERE
     return code, count, due
@@ -169,8 +175,8 @@ def jump_and_collide(
 
 @compiled()
 def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, float]:
-    """Let the state jump: an outcome code if it cannot, else −1; and up to which its guard is
-    zero."""
+    """Apply a jump of the state. Returns an outcome code if it is impossible, else −1; and the size
+    below which its guard counts as zero."""
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     kink = flow.rows.jumps[due, KINK]
     code = NOWHERE
@@ -222,8 +228,8 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
 
 @compiled()
 def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: float) -> None:
-    """Put kinks onto the sides where their guards are after a jump: what it leaps over is not
-    crossed.
+    """Set the regions of kinks by their guards after a jump: the motion does not cross the kinks
+    over which it jumps.
 
     Parameters
     ----------
@@ -305,12 +311,12 @@ def falls_back(flow: Flow, lane: Lane, due: int) -> bool:
         near = lane.clock[LAST] / space.W[rows.sizes[DIMENSION], 1] + space.powers[1]
         guard = guard_of(rows, space, lane.mode, lane.reg, kink, near, FIRED)
         spare = space.pending[len(space.pending) - 1]
-        _, order = germ(space.W, guard, flow.order, space.powers, 1.0, spare)
+        _, order = leading_term(space.W, guard, flow.order, space.powers, 1.0, spare)
     return 1 < order < flow.order
 
 
 @compiled()
-def knock(
+def collide_if_closing(
     machine: Machine,
     flow: Flow,
     lane: Lane,
@@ -320,7 +326,7 @@ def knock(
     due: int,
     zero: float,
 ) -> tuple[int, int]:
-    """Let what closes collide, at the start and after an event.
+    """Apply impacts of closing contacts, at the start and after an event.
 
     Parameters
     ----------
@@ -342,7 +348,7 @@ def knock(
         An outcome code if no impact is admissible, else −1.
     """
     rows = flow.rows
-    remember_gaps(rows, flow.space, lane.seen)
+    store_gap_sizes(rows, flow.space, lane.seen)
     last = lane.clock[LAST]
     cause = lane.counters[CAUSE]
     if cause < 0 and not entering:

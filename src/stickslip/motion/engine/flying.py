@@ -13,16 +13,17 @@ from stickslip.motion.affine.closed_forms import make_form
 from stickslip.motion.affine.forms import (
     AFFINE,
     FEW_COMPONENTS,
-    GERM_ORDERS,
     GUARDS,
+    LEADING_ORDERS,
     ClosedForms,
     Flight,
     form_of,
     slots_of,
 )
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.events import count_step, fire, note
 from stickslip.motion.engine.jumps import due_jump, passed_jumps
-from stickslip.motion.modes.guards import contact_of, doubt_of
+from stickslip.motion.modes.guards import contact_of, requirement_of
 from stickslip.motion.modes.pivots import flip, let_slide, may_be_carried
 from stickslip.motion.steps.arrays import (
     CAUSE,
@@ -38,7 +39,6 @@ from stickslip.motion.steps.arrays import (
     Task,
     is_stopped,
 )
-from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 _UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form
@@ -105,7 +105,7 @@ def fly_on(
             tau, guard = flights.fly(form, flight, end - t, omega)
             if guard == flights.UNKNOWN or (
                 len(y) > FEW_COMPONENTS
-                and flights.is_drowned(form, flight, y, lane.seen, tau, omega)
+                and flights.is_below_rounding(form, flight, y, lane.seen, tau, omega)
             ):
                 slot = _UNDECIDED
         if slot == _UNDECIDED:
@@ -124,7 +124,7 @@ def fly_on(
         if guard < 0:
             continue
         number = form.switch[guard]
-        if doubt_of(number, nk, nc) >= 0:
+        if requirement_of(number, nk, nc) >= 0:
             return -1, count
         code = fire(number, lane, rows, flow.space.leaving, task.max_events)
         if code >= 0:
@@ -141,8 +141,8 @@ def decide(
     lane: Lane,
     several: bool,
 ) -> int:
-    """The mode that a motion takes now, by pivoting among closed forms: its slot, or UNDECIDED
-    where Taylor steps have to tell.
+    """Find the mode of the motion by pivoting among closed forms: its slot, or UNDECIDED if Taylor
+    steps have to decide.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def decide(
         ):
             return _UNDECIDED
         fired = lane.counters[CAUSE]
-        guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)
+        guard = flights.leading_terms(form, flight, omega, fired, nk, clock[LAST], lane.settled)
         if guard < 0:
             held = carries(form, flight, mode, nk, drops) or (
                 total(drops) > 0 and may_be_carried(flow.rows, flow.k.J[g], flow.space, mode)
@@ -177,7 +177,7 @@ def decide(
         number = form.switch[guard]
         c = contact_of(number, nk)
         # Which of several contacts break their thresholds together is not decided here.
-        if doubt_of(number, nk, nc) >= 0 or (
+        if requirement_of(number, nk, nc) >= 0 or (
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):
             return _UNDECIDED
@@ -236,7 +236,7 @@ def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Arra
             c = contact_of(form.switch[g], nk)
             if (
                 0 <= c < len(mode)
-                and flight.orders[g] >= GERM_ORDERS
+                and flight.orders[g] >= LEADING_ORDERS
                 and mode[c] != 0
                 and drops[c] == 1
             ):

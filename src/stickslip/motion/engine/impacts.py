@@ -38,10 +38,8 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    inertial_friction,
-    loosen_friction,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import inertial_friction, loosen_friction, set_mode
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import NO_SPEED, ROUNDING
@@ -87,8 +85,8 @@ def approaching(
 
 @compiled()
 def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
-    """Give the gaps of a motion that has not begun a size: what its forces would open in a part of
-    its time. A gap that starts at zero has no size of its own."""
+    """Set the sizes of the gaps of a motion at its start: the opening that its forces would produce
+    in a fraction of its time span, since a gap that starts at zero has no size."""
     rows = flow.rows
     space = flow.space
     coefficients(machine, flow, here, 1, space.V)
@@ -127,7 +125,7 @@ def first_approaching(
 
 @compiled()
 def open_all(rows: Rows, mode: Array) -> None:
-    """Let everything be open that can."""
+    """Open all contacts that can open."""
     for c in rows.openings:
         mode[c] = 1
     loosen_friction(rows, mode)
@@ -165,7 +163,7 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
 
 @compiled()
 def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
-    """After an impact: put what its impulses hold exactly onto the surface.
+    """After an impact: put contacts that its impulses hold exactly onto the surface.
 
     What is left of those velocities are rounding errors of the jump, large beside their own terms:
     they would make a slip, or a flight, of their own.
@@ -186,8 +184,8 @@ def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
 
 @compiled()
 def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
-    """Whether a contact that has rebounded would come to rest, after infinitely many impacts, in a
-    time that cannot be resolved: 2 γ⁺/(|g̈| (1 − e)). Such contacts lose their restitution."""
+    """Whether a rebounding contact would come to rest, after infinitely many impacts, in a time
+    that cannot be resolved: 2 γ⁺/(|g̈| (1 − e)). Such contacts lose their restitution."""
     rows = flow.rows
     space = flow.space
     work = space.impact

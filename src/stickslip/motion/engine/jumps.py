@@ -59,8 +59,8 @@ def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
 
 @compiled()
 def make_jump(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bool:
-    """Give a state the new values of a jump from an instant; False, and nothing is changed, if one
-    of them is not a number.
+    """Assign a state the new values of a jump at an instant; False, without changes, if one of them
+    is NaN.
 
     Parameters
     ----------

@@ -17,8 +17,9 @@ from __future__ import annotations
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
+from stickslip.motion.algebra.vectors import clear, copy
 from stickslip.motion.modes.guards import scan
-from stickslip.motion.modes.mode_series import keeps, make_series, unit_for
+from stickslip.motion.modes.mode_series import make_series, matches_prediction, unit_for
 from stickslip.motion.modes.pivots import (
     flip_apart,
     flip_at_ends,
@@ -29,7 +30,6 @@ from stickslip.motion.modes.pivots import (
 )
 from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
-    ASTRAY,
     CAUSE,
     IMPLICIT,
     KINKS,
@@ -41,18 +41,18 @@ from stickslip.motion.steps.arrays import (
     ON_RATE_INDEPENDENT,
     ON_VISCOUS,
     OVERFLOW,
+    REJECTED,
     UNIT,
     Flow,
     Instant,
     Lane,
     Machine,
     Rows,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import set_mode
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
-from stickslip.motion.steps.stiff import RESTING, collocate, lingers
-from stickslip.motion.steps.vectors import clear, copy
+from stickslip.motion.steps.stiff import RESTING, collocate, is_implicit_due
 from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
 
@@ -68,7 +68,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 
 @compiled()
 def settle_mode(
-    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, unchecked: float
 ) -> tuple[int, float, float, int]:
     """Find the mode the motion takes now; its series, or a polynomial, is left in the work space.
 
@@ -76,14 +76,14 @@ def settle_mode(
     ----------
     room, hold
         Longest step that is wanted; whether sticking contacts are put onto the surface speed.
-    promised : float
-        Length of the step that ended here, if its promise has not been checked; otherwise 0.
+    unchecked : float
+        Length of the last step if its predicted rates have not been checked yet; otherwise 0.
 
     Returns
     -------
     status, step, series, count
         OK, the step size, that of the series, and the number of guards that may fire; NAN or
-        INDEFINITE; SINGULAR if no mode is possible; ASTRAY if the last step is wrong.
+        INDEFINITE; SINGULAR if no mode is possible; REJECTED if the last step is inaccurate.
     """
     rows = flow.rows
     space = flow.space
@@ -116,8 +116,12 @@ def settle_mode(
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
-        if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
-            return ASTRAY, 0.0, 0.0, 0
+        if (
+            known
+            and unchecked > 0.0
+            and not matches_prediction(flow, space.W, lane.y, lane.seen, unchecked)
+        ):
+            return REJECTED, 0.0, 0.0, 0
         if status == OK and len(rows.bounded) > 0 and watches_nothing(rows, space.W):
             status = NAN
         # A formula may end where its region ends.
@@ -172,8 +176,8 @@ def try_mode(
     slack: float,
     quiet: bool,
 ) -> tuple[int, int, float, float]:
-    """See whether the mode of which the series are in the work space is right, and take as much of
-    a step as hides nothing, or a longer one by a polynomial where the motion is stiff.
+    """Test whether the mode whose series are in the work space is consistent, and choose a step in
+    which nothing is missed, or a longer one by a polynomial if the motion is stiff.
 
     Parameters
     ----------
@@ -214,7 +218,7 @@ def try_mode(
     length = h
     # Where a slip in a plane is slow, discs cut what is stiff as well.
     whole = not step < h or slides_in_plane(flow.rows, mode)
-    stiff = quiet and whole and lingers(flow, lane, step, room)
+    stiff = quiet and whole and is_implicit_due(flow, lane, step, room)
     if stiff:
         here = Instant(clock[NOW], lane.y, mode, lane.reg)
         step, clock[IMPLICIT] = collocate(machine, flow, here, step, clock[IMPLICIT], lane.seen)
@@ -237,8 +241,8 @@ def try_mode(
 
 @compiled()
 def keep_rates(flow: Flow) -> None:
-    """Leave nothing but values and rates in the table of coefficients: in a step that is shorter
-    than what tells times apart, all else is lost in rounding."""
+    """Discard all coefficients except values and rates: in a step shorter than the resolution of
+    time, all others are lost in rounding."""
     W = flow.space.W
     for r in range(len(W)):
         for k in range(2, flow.order + 1):
@@ -250,8 +254,8 @@ def keep_rates(flow: Flow) -> None:
 
 @compiled()
 def concerned(rows: Rows, touched: Array, mode: Array, fired: int) -> int:
-    """Count the states of the switches that pivoting has questioned, of the one that has just
-    fired, and of what slides without mass."""
+    """Count the states of the switches that pivoting has flipped, of the one that has just fired,
+    and of contacts that slide without mass."""
     sizes = rows.sizes
     nk = sizes[KINKS]
     first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
@@ -333,8 +337,8 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
 def choose(
     rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array, breaks: int
 ) -> None:
-    """Put the switches concerned into the states that a number stands for; what does not stick is
-    at its threshold or has its sliding force, or is open.
+    """Set the switches concerned to the states with a number; contacts that do not stick are at
+    their threshold, have their sliding force, or are open.
 
     Parameters
     ----------

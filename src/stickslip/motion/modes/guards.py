@@ -8,25 +8,23 @@ from stickslip.arrays import Array
 from stickslip.motion.admissible.leaving import find_leaving
 from stickslip.motion.admissible.overload import LEAVES
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, is_first
+from stickslip.motion.algebra.roots import divide_out, first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
     DIMENSION,
-    DOUBTED,
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
+    REQUIRED,
     SLIPPING,
     SLIPS,
     TOWARDS,
     Flow,
     Rows,
     Space,
-    has_opened,
-    is_loose,
-    opens,
 )
-from stickslip.motion.steps.roots import divide_out, first_crossing
+from stickslip.motion.steps.contacts import has_opened, is_loose, opens
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -86,8 +84,8 @@ class GuardRow(NamedTuple):
 
 @compiled(relaxed=RELAXED)
 def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> float:
-    """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
-    the step.
+    """Bound Σ max(−cₖ, 0) hᵏ of the decrease of sign·W[row] + W[shift], which starts positive,
+    within the step.
 
     Parameters
     ----------
@@ -111,10 +109,10 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
 
 
 @compiled()
-def germ(
+def leading_term(
     W: Array, guard: GuardRow, N: int, powers: Array, slack: float, c: Array
 ) -> tuple[int, int]:
-    """Sign of a guard for small times, and the order that decides it.
+    """Sign of a guard for small times, and the order of its leading Taylor term.
 
     Its coefficients, scaled to the step, are left in c. A zero is known no better than the time at
     which it was found: relative to what the guard does in the steps on both sides.
@@ -188,9 +186,8 @@ def stands(rows: Rows, mode: Array) -> bool:
 
 
 @compiled()
-def spell(word: int, mode: Array, region: Array) -> int:
-    """A word, as a number, with one letter more: the mode of each contact and the region of each
-    kink.
+def extended_word(word: int, mode: Array, region: Array) -> int:
+    """Append the mode of each contact and the region of each kink to a word, which is a number.
 
     Words that differ have different numbers but for chance (polynomials over a prime field).
     """
@@ -234,7 +231,7 @@ def stays(
         return False
     spare = space.pending[len(space.pending) - 1]
     guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0, 0.0)
-    s, _ = germ(W, guard, N, space.powers, slack, spare)
+    s, _ = leading_term(W, guard, N, space.powers, slack, spare)
     return s == 0
 
 
@@ -245,7 +242,7 @@ def stays(
 
 @compiled()
 def contact_of(guard: int, nk: int) -> int:
-    """The contact that a guard behind the kinks belongs to."""
+    """The contact of a guard that is not that of a kink."""
     return (guard - nk) // 2
 
 
@@ -262,7 +259,7 @@ def is_second(guard: int, nk: int) -> bool:
 
 
 @compiled()
-def doubt_of(guard: int, nk: int, nc: int) -> int:
+def requirement_of(guard: int, nk: int, nc: int) -> int:
     """Number of a guard among the rows that must not become negative; negative if it is not one of
     them."""
     return guard - nk - 2 * nc
@@ -270,10 +267,10 @@ def doubt_of(guard: int, nk: int, nc: int) -> int:
 
 @compiled()
 def switch_of(guard: int, nk: int, nc: int) -> int:
-    """The switch that a guard belongs to; −1 for what must not become negative."""
+    """The switch to which a guard belongs; −1 for rows that are required to be nonnegative."""
     if guard < nk:
         return guard
-    return nk + contact_of(guard, nk) if doubt_of(guard, nk, nc) < 0 else -1
+    return nk + contact_of(guard, nk) if requirement_of(guard, nk, nc) < 0 else -1
 
 
 @compiled()
@@ -284,14 +281,14 @@ def may_collide(rows: Rows, cause: int) -> bool:
 
 
 @compiled()
-def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
-    """Whether a guard says anything in a mode."""
+def is_active(rows: Rows, mode: Array, nk: int, g: int) -> bool:
+    """Whether a guard restricts the motion in a mode."""
     if g < nk:
         return True
-    d = doubt_of(g, nk, len(mode))
+    d = requirement_of(g, nk, len(mode))
     if d >= 0:
-        c = rows.doubtful[d, SLIPPING]
-        return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
+        c = rows.required[d, SLIPPING]
+        return c < 0 or mode[c] * rows.required[d, TOWARDS] > 0
     c = contact_of(g, nk)
     if is_second(g, nk):
         return bool(rows.states[c] == 3 and mode[c] == 0)
@@ -373,9 +370,9 @@ def guard_of(
             around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the clock
         if rows.vanishing[g] >= 0 and powers[1] > 0.0:
             rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
-    elif doubt_of(g, nk, nc) >= 0:
-        d = doubt_of(g, nk, nc)
-        row, i = rows.doubtful[d, DOUBTED], rows.doubtful[d, SLIPPING]
+    elif requirement_of(g, nk, nc) >= 0:
+        d = requirement_of(g, nk, nc)
+        row, i = rows.required[d, REQUIRED], rows.required[d, SLIPPING]
         around = 0.0
         exact = _DOUBTFUL
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
@@ -435,7 +432,7 @@ def just_fired(guard: GuardRow, late: float, turning: float, exact: bool) -> Gua
 
 @compiled()
 def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
-    """The contact, of what has mass and on a line, whose slip has just come to an end; or −1.
+    """The contact with mass, along a line, whose slip has just ended; or −1.
 
     It is its velocity that is zero by definition there; its force and its acceleration are known
     as well as any other.
@@ -451,6 +448,53 @@ def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
     if c < 0 or c >= rows.sizes[ON_INERTIAL] or rows.states[c] < 3:
         return NOWHERE
     return c if abs(settled[c]) == 1 else NOWHERE
+
+
+@compiled()
+def note_violated(space: Space, g: int, violated: int, count: int) -> tuple[int, int]:
+    """Add a guard to the violated ones, as :func:`scan` returns them; the first one discards the
+    guards that may fire."""
+    if violated < 0:
+        violated = g
+        count = 0
+    space.labels[count, NUMBER] = g
+    return violated, count + 1
+
+
+@compiled()
+def note_together(
+    flow: Flow,
+    mode: Array,
+    g: int,
+    near: float,
+    late: float,
+    lack: float,
+    violated: int,
+    count: int,
+) -> tuple[int, int]:
+    """Evaluate the guard of contacts that share their forces; returns what :func:`scan` returns.
+
+    Parameters
+    ----------
+    g, near, late, lack
+        As in :func:`guard_together`.
+    violated, count : int
+        Results of :func:`scan` for the guards before it.
+    """
+    space = flow.space
+    N = flow.order
+    held, s, order = guard_together(flow, mode, g, near, late, lack, space.pending[count])
+    if held:
+        return violated, count
+    if s < 0:
+        return note_violated(space, g, violated, count)
+    if violated >= 0:
+        return violated, count
+    space.labels[count, NUMBER] = g
+    space.labels[count, _DEGREE] = N - 1 - order
+    divide_out(space.pending[count], order, N)
+    space.pending[count, N] = 0.0
+    return violated, count + 1
 
 
 @compiled()
@@ -493,31 +537,15 @@ def scan(
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W)
-    for g in range(nk + 2 * nc + len(rows.doubtful)):
-        if not is_asked(rows, mode, nk, g):
+    for g in range(nk + 2 * nc + len(rows.required)):
+        if not is_active(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
         if sharing and is_held_with_others(space, nk, nc, g):
             if stands_for_all(rows, mode, nk, g):
                 own = fired >= nk and may_share(rows, fired - nk, contact_of(g, nk))
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
-                held, s, order = guard_together(
-                    flow, mode, g, near, late, lack, space.pending[count]
-                )
-                if held:
-                    continue
-                if s < 0:
-                    if violated < 0:
-                        violated = g
-                        count = 0
-                    labels[count, NUMBER] = g
-                    count += 1
-                elif violated < 0:
-                    labels[count, NUMBER] = g
-                    labels[count, _DEGREE] = N - 1 - order
-                    divide_out(space.pending[count], order, N)
-                    space.pending[count, N] = 0.0
-                    count += 1
+                violated, count = note_together(flow, mode, g, near, late, lack, violated, count)
             continue
         own = stopped >= 0 and nk <= g and contact_of(g, nk) == stopped
         just = just and not (own and mode[stopped] == 0)
@@ -533,18 +561,14 @@ def scan(
         ):
             continue
         c = space.pending[count]
-        s, order = germ(W, guard, N, powers, slack, c)
-        doubt = doubt_of(g, nk, nc) >= 0
+        s, order = leading_term(W, guard, N, powers, slack, c)
+        requirement = requirement_of(g, nk, nc) >= 0
         if s == 0:
-            if doubt or g < nk or not lingers_in_slip(rows, mode, contact_of(g, nk)):
+            if requirement or g < nk or not counts_as_stick(rows, mode, contact_of(g, nk)):
                 continue
             s = -1
-        if s < 0 and not doubt:
-            if violated < 0:
-                violated = g
-                count = 0
-            labels[count, NUMBER] = g
-            count += 1
+        if s < 0 and not requirement:
+            violated, count = note_violated(space, g, violated, count)
             continue
         if violated >= 0:
             continue
@@ -559,9 +583,9 @@ def scan(
 
 
 @compiled()
-def lingers_in_slip(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact slips that nothing but its velocity, which vanishes, could hold or let go:
-    it sticks."""
+def counts_as_stick(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a slip counts as stick: the contact is prescribed, so that its zero velocity alone
+    could hold or release it."""
     return is_prescribed(rows, c) and mode[c] != 0
 
 
@@ -576,14 +600,14 @@ def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
     nk, nc, g : int
         Number of kinks, of contacts, and of the guard.
     """
-    if g < nk or doubt_of(g, nk, nc) >= 0:
+    if g < nk or requirement_of(g, nk, nc) >= 0:
         return False
     return bool(space.leaving[contact_of(g, nk)] != ON_ITS_OWN)
 
 
 @compiled()
 def stands_for_all(rows: Rows, mode: Array, nk: int, g: int) -> bool:
-    """Whether a guard stands for all contacts that share their forces."""
+    """Whether a guard represents all contacts that share their forces."""
     return not is_second(g, nk) and is_first(rows, mode, contact_of(g, nk))
 
 
@@ -612,7 +636,7 @@ def guard_together(
         return True, 1, 0
     rate = abs(space.aside[LEAVES, 1])
     guard = GuardRow(LEAVES, NOWHERE, 1.0, size, rate, near, lack, False, late, 0.0)
-    s, order = germ(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
+    s, order = leading_term(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
     return s == 0, s, order
 
 

@@ -34,7 +34,7 @@ def resolvent(
     R: Array,
 ) -> bool:
     """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for the coordinates and contacts of one
-    component; what slips under a normal force has σμ in its column.
+    component; contacts that slip under a normal force have σμ in its column.
 
     Parameters
     ----------
@@ -75,6 +75,8 @@ def resolvent(
             for i in range(n):
                 scratch[n + c, i] = J[members[n + c], i]
             if group[members[n + c]] >= 0:
+                # Only a mark of rows whose forces may not be unique: `shared_inverse` removes it,
+                # and minimises Σ λ²/s² among these forces.
                 shared = True
                 scratch[n + c, n + c] = -J[members[n + c], J.shape[1] - 2]
         else:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import SINGULAR, invert
-from stickslip.motion.admissible.sharing import grip, is_gripped
+from stickslip.motion.admissible.sharing import is_dependent, orthonormalise
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.modes.surfaces import are_numbers, release_or_hold
 from stickslip.motion.steps.arrays import (
@@ -26,7 +26,7 @@ from stickslip.motion.steps.arrays import (
     ON_VISCOUS,
     OVERFLOW,
     PART,
-    PROMISED,
+    PREDICTED,
     RATE_INDEPENDENT,
     RECENT,
     SERIES,
@@ -37,6 +37,8 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
+)
+from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     is_loose,
@@ -52,15 +54,15 @@ from stickslip.translator import compiled
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
-_LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
+_LOOSER = 1e4  # tolerances by which rates at the end of a step may differ from the predicted ones
 
 
 @compiled()
 def make_series(
     machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
 ) -> tuple[int, float]:
-    """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
-    between two times that can be told apart, as they are recorded.
+    """Taylor coefficients in the current mode of a lane, and the step for which they are accurate,
+    between representable times.
 
     Parameters
     ----------
@@ -93,8 +95,8 @@ def make_series(
 
 @compiled()
 def keep_rest(rows: Rows, y: Array, start: Array) -> None:
-    """Keep what has been put onto its constraints beside friction in a plane for the modes that are
-    tried next: a slip in a plane begins from rest, exactly.
+    """Keep velocities that were projected onto their constraints for the modes that are tried next:
+    a slip in a plane begins exactly from rest.
 
     Parameters
     ----------
@@ -187,8 +189,8 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
 
 @compiled(brief=True)
 def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
-    """Let contacts stick that the others of their body do not let move, where their speed cannot be
-    told from nothing; whether there are any.
+    """Set contacts to stick that the others of their body hold, if their speed is within rounding
+    errors of zero; returns whether there are any.
 
     Parameters
     ----------
@@ -206,8 +208,8 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
         group = rows.group[c]
         if group < 0 or mode[c] == 0 or is_loose(rows, mode, c):
             continue
-        rank = grip(flow, mode, flow.space.W, group)[1]
-        if rank == 0 or not is_gripped(flow, flow.space.W, c, rank):
+        rank = orthonormalise(flow, mode, flow.space.W, group)[1]
+        if rank == 0 or not is_dependent(flow, flow.space.W, c, rank):
             continue
         if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
             return False
@@ -248,8 +250,8 @@ def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
 
 @compiled()
 def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
-    """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
-    if there is none.
+    """Time of the next kink whose guard is a polynomial in time of degree one or two; infinite if
+    there is none.
 
     A series that ends, as that of a drive between two samples, would last for ever; beyond the
     kink its terms are so large that what is small before it would count as zero.
@@ -283,8 +285,8 @@ def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
 
 @compiled()
 def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, float]:
-    """Another unit of time for coefficients that overflow in this one, or where it does not suit
-    the step; first, whether there is one.
+    """A unit of time for coefficients that overflow in the current one, or are badly scaled for the
+    step; first, whether it changes.
 
     All others are powers of two times these, so that nothing is rounded.
     """
@@ -296,9 +298,9 @@ def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, flo
 
 
 @compiled()
-def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
-    """Whether rates, times the length of the step that ends here, are those that the step's series
-    promises. Modes of a structure are components of one vector, and have one size.
+def matches_prediction(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
+    """Whether the rates at the end of a step agree with those that its series predicts. The modes
+    of a structure are components of one vector, and are compared with its norm.
 
     Parameters
     ----------
@@ -307,7 +309,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     """
     rows = flow.rows
     mag = flow.space.mag
-    promise = flow.space.promise[PROMISED]
+    change = flow.space.last_step[PREDICTED]
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
     vague = vagueness(flow, table, y, h)
@@ -316,49 +318,49 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     faint = 0.0
     for i in range(len(y)):
         if i >= until:
-            shared, until = size_of_body(rows, y, promise, i)
+            shared, until = size_of_body(rows, y, change, i)
         if i in (0, nq):
-            faint = FAINT * largest_of_kind(y, promise, i, nq)
+            faint = FAINT * largest_of_kind(y, change, i, nq)
         if i >= 2 * nq:
             faint = 0.0
-        own = max(abs(y[i]) + abs(promise[i]), max(shared, faint))
+        own = max(abs(y[i]) + abs(change[i]), max(shared, faint))
         size = LEAST_SIZE + own + flow.atol * seen[i]
         rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
-        rounding += late * abs(promise[i])
+        rounding += late * abs(change[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
-            # A velocity that is made by forces which nearly cancel is known no better.
+            # A velocity is no more accurate than the nearly cancelling forces that generate it.
             rounding += ROUNDING * mag[rows.noise[rate]] * h * h
-        if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
+        if abs(table[rate, 0] * h - change[i]) > tol * size + rounding:
             return False
     return True
 
 
 @compiled()
-def largest_of_kind(y: Array, promise: Array, first: int, count: int) -> float:
+def largest_of_kind(y: Array, change: Array, first: int, count: int) -> float:
     """The largest of places, or of velocities.
 
     Parameters
     ----------
-    y, promise : arrays
+    y, change : arrays
         Values, and by how much they change.
     first, count : int
         The first of them, and their number.
     """
     largest = 0.0
     for r in range(first, first + count):
-        largest = max(largest, abs(y[r]) + abs(promise[r]))
+        largest = max(largest, abs(y[r]) + abs(change[r]))
     return largest
 
 
 @compiled()
-def size_of_body(rows: Rows, y: Array, promise: Array, i: int) -> tuple[float, int]:
+def size_of_body(rows: Rows, y: Array, change: Array, i: int) -> tuple[float, int]:
     """The largest value of the modes of a structure, or of their rates, if they begin with this row
     of the state; and where they end. Otherwise 0, and the next row.
 
     Parameters
     ----------
-    y, promise : arrays
+    y, change : arrays
         Values, and by how much they change.
     i : int
         The row.
@@ -368,7 +370,7 @@ def size_of_body(rows: Rows, y: Array, promise: Array, i: int) -> tuple[float, i
         if i == begin or i == rows.sizes[INERTIAL] + begin:
             largest = 0.0
             for r in range(i, i + rows.bodies[b, 1]):
-                largest = max(largest, abs(y[r]) + abs(promise[r]))
+                largest = max(largest, abs(y[r]) + abs(change[r]))
             return largest, i + rows.bodies[b, 1]
     return 0.0, i + 1
 
@@ -380,7 +382,7 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
     Parameters
     ----------
     flow : Flow
-        With the promise of the step.
+        With the predicted changes of the step.
     table : array
         Values of the rows at its end.
     y : array
@@ -402,7 +404,7 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
         part = rows.parts[rows.homes[first, PART]]
         for i in range(part[COORDINATES]):
             r = nq + rows.members[part[MEMBERS] + i]
-            faster += y[r] * flow.space.promise[PROMISED, r]
+            faster += y[r] * flow.space.last_step[PREDICTED, r]
         if faster > 0.0:
             size = whole_speed(rows, mag, first) + h * whole_rate(rows, mag, first)
             found = max(found, ROUNDING * size / speed)

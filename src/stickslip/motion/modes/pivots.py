@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, sticks_in
+from stickslip.motion.algebra.vectors import clear, is_new
 from stickslip.motion.modes.guards import NUMBER, contact_of, is_second, stays
 from stickslip.motion.modes.surfaces import is_wide
 from stickslip.motion.steps.arrays import (
@@ -20,6 +21,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     inertial_contacts,
     is_loose,
@@ -27,7 +30,6 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.sets import kink_terms
-from stickslip.motion.steps.vectors import clear, is_new
 from stickslip.numerics.levels import FIRED, NEW_DIRECTION
 from stickslip.translator import compiled
 
@@ -65,7 +67,7 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int
 
 @compiled()
 def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Array) -> int:
-    """Let those contacts slip that leave stick together; returns the switch of the first of them.
+    """Release those contacts that leave stick together; returns the switch of the first of them.
 
     Parameters
     ----------
@@ -129,7 +131,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
 
 @compiled()
 def let_slide(mode: Array) -> bool:
-    """Let the contacts that break their thresholds slide; whether there are any."""
+    """Set contacts that exceed their thresholds to slip; returns whether there are any."""
     found = False
     for c in range(len(mode)):
         if abs(mode[c]) == 2:
@@ -140,8 +142,8 @@ def let_slide(mode: Array) -> bool:
 
 @compiled(brief=True)
 def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float) -> bool:
-    """Give each contact that does not stick the threshold while others carry it (±2), else its
-    sliding force (±1); what can open is carried only where it touches.
+    """Set each contact that does not stick to its threshold while others carry it (±2), else to its
+    sliding force (±1); a contact that can open is carried only where it touches.
 
     Parameters
     ----------
@@ -177,8 +179,8 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
 
 @compiled()
 def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
-    """Let sticking contacts be carried whose directions depend on those of the others; whether
-    there are any."""
+    """Set sticking contacts whose directions depend on those of the others to be carried; returns
+    whether there are any."""
     rows = flow.rows
     changed = False
     for p in range(len(rows.parts)):
@@ -189,8 +191,8 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
 
 @compiled()
 def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -> bool:
-    """Let sticking contacts of a component whose directions depend on those of the others be
-    carried at their threshold (u stays 0).
+    """Set sticking contacts of a component whose directions depend on those of the others to be
+    carried at their threshold (u remains 0).
 
     With more sticking contacts than directions their forces are not unique. Any admissible choice
     gives the same motion; a contact carried at its threshold is a vertex of that choice, and
@@ -247,7 +249,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
 @compiled()
 def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
     """Whether the direction of a contact that does not stick, and that others may hold at its
-    threshold, depends on the directions of what sticks.
+    threshold, depends linearly on the directions of sticking contacts.
 
     Parameters
     ----------

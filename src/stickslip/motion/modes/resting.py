@@ -31,6 +31,7 @@ from stickslip.motion.admissible.cones import (
 from stickslip.motion.admissible.impacts_law import (
     put_part,
 )
+from stickslip.motion.algebra.vectors import copy, is_new
 from stickslip.motion.modes.choosing import settle_mode
 from stickslip.motion.modes.guards import (
     stays,
@@ -38,7 +39,6 @@ from stickslip.motion.modes.guards import (
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.modes.surfaces import is_apart
 from stickslip.motion.steps.arrays import (
-    ASTRAY,
     CAUSE,
     COORDINATES,
     DIMENSION,
@@ -50,6 +50,7 @@ from stickslip.motion.steps.arrays import (
     PART,
     PRESSING,
     RECENT,
+    REJECTED,
     RUBBING,
     SPAN,
     Flow,
@@ -58,6 +59,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     inertial_contacts,
@@ -69,7 +72,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy, is_new
 from stickslip.numerics.levels import NEW_DIRECTION
 from stickslip.translator import compiled
 
@@ -85,14 +87,14 @@ _AHEAD = 1e-3  # of recent steps: how far ahead forces are asked for, which have
 
 @compiled()
 def settle(
-    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
+    machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, unchecked: float
 ) -> tuple[int, float, float, int]:
     """Find the mode that the motion takes now, as :func:`.settle_mode` does; rest, where pivoting
     would let something slip that some admissible forces hold.
 
     Parameters
     ----------
-    machine, flow, lane, room, hold, promised
+    machine, flow, lane, room, hold, unchecked
         As in :func:`.settle_mode`.
 
     Returns
@@ -101,8 +103,8 @@ def settle(
         Likewise.
     """
     rows, space = flow.rows, flow.space
-    status, h, series, count = settle_mode(machine, flow, lane, room, hold, promised)
-    if not hold or len(rows.links) < 2 or status == ASTRAY:
+    status, h, series, count = settle_mode(machine, flow, lane, room, hold, unchecked)
+    if not hold or len(rows.links) < 2 or status == REJECTED:
         return status, h, series, count
     part = part_that_begins(flow, lane, status)
     if part < 0:
@@ -123,8 +125,8 @@ def settle(
 
 @compiled(brief=True)
 def part_that_begins(flow: Flow, lane: Lane, status: int) -> int:
-    """The component of which a contact begins to slip under a normal force, from rest, beside other
-    normal forces; or one for which no mode was found; negative if there is none.
+    """The component in which a contact begins to slip from rest under a normal force, with other
+    normal forces present; or one for which no mode was found; negative if there is none.
 
     Parameters
     ----------
@@ -164,8 +166,8 @@ def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
 
 @compiled(brief=True)
 def has_no_velocity(flow: Flow, lane: Lane, c: int) -> bool:
-    """Whether a contact has no velocity, beside its terms and what forces make of it in a step; if
-    it is in a plane, none in either direction."""
+    """Whether the velocity of a contact is negligible relative to its terms, and to the effect of
+    forces in a step; in a plane, in both directions."""
     rows, space = flow.rows, flow.space
     for i in own_directions(rows, c):
         made = lane.clock[RECENT] * rate_terms(rows, space.mag, i)
@@ -183,8 +185,8 @@ def is_closed(flow: Flow, lane: Lane, n: int) -> bool:
 
 @compiled(brief=True)
 def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float) -> bool:
-    """Put what rests of a component into a mode of rest whose forces are admissible; False if there
-    is none.
+    """Set the resting contacts of a component to a mode of rest whose forces are admissible; False
+    if there is none.
 
     Parameters
     ----------
@@ -231,7 +233,7 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
 
 @compiled(brief=True)
 def hold_still(flow: Flow, mode: Array, part: int) -> bool:
-    """Find forces that hold what rests, and their mode.
+    """Find forces that hold the resting contacts, and their mode.
 
     Parameters
     ----------
@@ -295,7 +297,7 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
 
 @compiled(brief=True)
 def are_held(rows: Rows, space: Space, scale: float) -> bool:
-    """Whether forces of the cones hold what rests; they are left in the work space."""
+    """Whether admissible forces hold the resting contacts; they are left in the work space."""
     cones = space.cones
     fit_cones(rows, space, scale)
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -309,8 +311,7 @@ def are_held(rows: Rows, space: Space, scale: float) -> bool:
 
 @compiled(brief=True)
 def choose_normals(flow: Flow, part: int, rank: int, number: int) -> bool:
-    """Let the chosen ones of the normal forces press alone; False if their directions are not
-    independent.
+    """Select the normal forces that press; False if their directions are linearly dependent.
 
     Parameters
     ----------
@@ -367,7 +368,7 @@ def put_wanted(rows: Rows, space: Space, part: int) -> float:
 
 @compiled(brief=True)
 def mode_of_force(rows: Rows, cones: Array, c: int) -> int:
-    """The mode of what rests with a force: stick, carried at a threshold, or open."""
+    """Mode of a resting contact with a given force: stick, carried at a threshold, or open."""
     force = cones[FORCE, c]
     if opens(rows, c):
         return 0 if force > 0.0 else 1

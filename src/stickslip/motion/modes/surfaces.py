@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import clear
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
@@ -35,6 +36,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+)
+from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
     has_opened,
@@ -54,7 +57,6 @@ from stickslip.motion.steps.sets import (
     whole_speed,
 )
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import clear
 from stickslip.numerics.levels import FIRED, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
@@ -151,9 +153,9 @@ def release_or_hold(
 
 @compiled(brief=True)
 def are_numbers(flow: Flow, mode: Array) -> bool:
-    """Whether the sizes of velocities, rates and forces of what sticks are finite: otherwise
-    nothing says what counts as no velocity. On the wrong side of a kink a formula may have no
-    value, or overflow."""
+    """Whether the sizes of velocities, rates and forces of sticking contacts are finite: otherwise
+    there is no criterion for zero velocity. On the wrong side of a kink a formula may be undefined,
+    or overflow."""
     rows = flow.rows
     mag = flow.space.mag
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -165,8 +167,7 @@ def are_numbers(flow: Flow, mode: Array) -> bool:
 
 @compiled(brief=True)
 def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
-    """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
-    rates.
+    """Remove the remaining velocity of a sticking contact, relative to its surface, from the rates.
 
     Parameters
     ----------
@@ -210,9 +211,9 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
 
 @compiled()
 def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
-    """Whether a sticking contact has the velocity of its surface: exactly; or, beside friction in a
-    plane, up to rounding. Nothing would be gained there, and an impulse that puts it
-    onto its surface moves what begins to slip beside it, from rest.
+    """Whether a sticking contact has the velocity of its surface: exactly; or, with friction in a
+    plane, up to rounding errors. A correction would gain nothing there, and its impulse would move
+    contacts beside it that begin to slip from rest.
 
     Parameters
     ----------
@@ -271,9 +272,9 @@ def held_back(rows: Rows, space: Space, c: int) -> float:
 
 @compiled()
 def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
-    """Whether a contact that can open is not closed, up to what its gap does in a step and to
-    rounding, or as it is where it has just closed; what rounding errors of forces have made of a
-    gap is no faster than they are."""
+    """Whether a contact that can open is not closed, up to the change of its gap in a step and to
+    rounding errors, or as it is if it has just closed; a gap due to rounding errors of forces opens
+    no faster than these allow."""
     rows = flow.rows
     space = flow.space
     if not is_wide(flow, c, last):
@@ -285,7 +286,7 @@ def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
 
 @compiled()
 def is_wide(flow: Flow, c: int, last: float) -> bool:
-    """Whether a contact has a gap that is more than what a step, or rounding, makes of it."""
+    """Whether the gap of a contact exceeds its change in a step, and rounding errors."""
     if not opens(flow.rows, c):
         return False
     closed = max(touching(flow, c, last), FIRED * gap_size(flow.rows, flow.space, c))
@@ -294,8 +295,8 @@ def is_wide(flow: Flow, c: int, last: float) -> bool:
 
 @compiled()
 def touching(flow: Flow, c: int, last: float) -> float:
-    """The distance below which a contact is closed: a part of its gap's size, and of what
-    velocities and forces do to it in a step."""
+    """The distance below which a contact is closed: a fraction of the size of its gap, and of the
+    effect of velocities and forces in a step."""
     mag = flow.space.mag
     moved = last * (mag[c] + last * rate_terms(flow.rows, mag, c))
     return float(max(_TOUCHING, _LOOSELY * flow.tol) * (gap_size(flow.rows, flow.space, c) + moved))
@@ -303,14 +304,14 @@ def touching(flow: Flow, c: int, last: float) -> float:
 
 @compiled()
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
-    """After an event, put the velocities of contacts in a plane that have just left stick, or may
-    leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors. So does one that began so shortly before that its speed is one of them. So does what
-    opens, and what opens together with it: where all forces vanish at that instant, nothing else
-    says how small a rounding error is.
+    """After an event, set the velocities of contacts in a plane that have just left stick, or may
+    leave it now, to those of their surfaces: a slip begins exactly from rest, and not from rounding
+    errors. The same holds for a slip that began so shortly before that its speed is a rounding
+    error, and for a contact that opens, with those that open together with it: if all forces vanish
+    at that instant, there is no other measure of rounding errors.
 
-    What stops one contact moves the others by rounding errors of what it takes away: these become
-    small beside themselves, turn by turn, until nothing is left.
+    Stopping one contact moves the others by rounding errors of its correction, which decrease from
+    iteration to iteration until they vanish.
     """
     rows = flow.rows
     c = lane.counters[CAUSE] - len(rows.kinks)
@@ -358,8 +359,8 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
 
 @compiled()
 def hardly_slips(flow: Flow, at: Instant, c: int) -> bool:
-    """Whether the speed of a contact in a plane cannot be told from nothing at an instant that is
-    known up to rounding; its direction would change within less than that.
+    """Whether the speed of a contact in a plane cannot be distinguished from zero at an instant
+    that is known up to rounding; its direction would change within less than that.
 
     Parameters
     ----------
@@ -378,8 +379,7 @@ def hardly_slips(flow: Flow, at: Instant, c: int) -> bool:
 
 @compiled()
 def just_opened(rows: Rows, lane: Lane) -> int:
-    """The contact that has been closed until now and has opened; −1 if that is not what has
-    happened."""
+    """The contact whose opening is the last event; −1 if the last event is another one."""
     c = lane.counters[CAUSE] - len(rows.kinks)
     if c < 0 or not has_opened(rows, lane.mode, c) or lane.settled[c] != 0:
         return NOWHERE

@@ -1,1 +1,1 @@
-"""The record of a motion: its knots, and what follows from them."""
+"""The record of a motion: its knots, and quantities derived from them."""

@@ -74,7 +74,7 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
         At the knots.
     """
     from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
-    from stickslip.motion.audit.flights.aloft import extremes_known
+    from stickslip.motion.audit.flights.arrays import extremes_known
     from stickslip.motion.audit.step_balance import judge
 
     (steps, tally, sums), whole, lost = follow_again(problem, knots, seen)
@@ -123,7 +123,7 @@ def _followed(
 ) -> tuple[Accounts, int, int]:
     """The same, from starts to ends."""
     from stickslip.motion.audit.accounts import make_accounts
-    from stickslip.motion.audit.flights.aloft import has_long_flights, make_aloft
+    from stickslip.motion.audit.flights.arrays import has_long_flights, make_flight_audit
     from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
     from stickslip.motion.audit.step_balance import audit_steps
 
@@ -136,9 +136,9 @@ def _followed(
         if not long:
             audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
             return accounts, 0, 0
-        aloft = make_aloft(forms, problem.shared_flight, problem.rows, True)
-        audit_motion(problem.machine, flow, aloft, seen, starts, ends, accounts)
-        return accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES])
+        flights = make_flight_audit(forms, problem.shared_flight, problem.rows, True)
+        audit_motion(problem.machine, flow, flights, seen, starts, ends, accounts)
+        return accounts, int(flights.checked[WHOLE]), int(flights.checked[WITHOUT_EXTREMES])
 
     return unbroken(measured)
 

@@ -40,7 +40,7 @@ def discontinuities_of(motion: Trajectory) -> dict[int, Discontinuity]:
     errors of their derivatives grow as they shrink: here both are small.
     """
     k = motion.knots
-    index = motion._strikes
+    index = motion._impacts
     before = motion._states_at(k.time[index], index - 1)
     first = k.region.shape[1]
     last = index.copy()

@@ -56,7 +56,7 @@ class Knots:
 
     @classmethod
     def empty(cls, size: int, n: int, contacts: int, kinks: int, origin: float = 0.0) -> Knots:
-        """Room for a number of knots.
+        """Allocate a number of knots.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Knots:
     def single(
         cls, clock: float, y: Array, mode: Array, region: Array, origin: float = 0.0
     ) -> Knots:
-        """One knot.
+        """A single knot.
 
         Parameters
         ----------

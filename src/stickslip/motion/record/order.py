@@ -8,8 +8,8 @@ from stickslip.arrays import Array
 
 
 def in_order(clock: Array, index: Array) -> Array | slice:
-    """Order of times in their steps: each step is followed once, however many times are asked for
-    and in whatever order."""
+    """Order of times by their steps, so that each step is computed once for any number of times in
+    any order."""
     later = (index[1:] > index[:-1]) | ((index[1:] == index[:-1]) & (clock[1:] >= clock[:-1]))
     return slice(None) if np.all(later) else np.lexsort((clock, index))
 

@@ -96,7 +96,7 @@ class Switches:
 
     @cached_property
     def columns(self) -> dict[str, Array]:
-        """Modes at the knots of what switches as one, by name, in the order of the engine.
+        """Modes at the knots of contacts that switch as one, by name, in the order of the engine.
 
         Of contacts that are one with others that is the mode of all, and of those among them that
         can open whether they are open; but each of contacts that can all open has its own.
@@ -140,8 +140,8 @@ class Switches:
 
     @cached_property
     def switched(self) -> tuple[Array, dict[tuple[int, int], str]]:
-        """Changes of these columns from knot to knot; and what contacts are called that can open
-        and switch as one, by knot and column of the first: the others' changes are left out."""
+        """Changes of these columns from knot to knot; and the names of contacts that can open and
+        switch as one, by knot and column of the first: changes of the others are omitted."""
         mode = self.published
         changes = np.diff(mode, axis=0)
         names = [*self.columns]

@@ -1,1 +1,1 @@
-"""One step of a motion, compiled: the data of functions, the step size, series, roots."""
+"""Compiled functions for one step of a motion: their arrays, the step size, series, roots."""

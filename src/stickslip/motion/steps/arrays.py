@@ -37,7 +37,7 @@ FULL = 100
 OK = 0
 NAN = 2
 OFF_SURFACE = 3
-ASTRAY = 4
+REJECTED = 4
 OVERFLOW = 5
 
 MOST_SHARED = 64  # contacts whose forces an audit may share in another way: their work space is n²
@@ -63,8 +63,8 @@ NONE_YET = 9  # no mode of a contact
 # What the compiled function `powers` of a system makes: energy, dissipated and supplied power.
 STORED, DISSIPATED, SUPPLIED = range(3)
 POWERS_MADE = 3
-# Rows of Space.promise.
-PROMISED, STARTED = range(2)
+# Rows of Space.last_step.
+PREDICTED, STARTED = range(2)
 # Columns of Rows.parts: which inverse (0: inertial, 1: viscous), its first row there, how many
 # coordinates and contacts, where these begin in Rows.members, and whether its matrix changes on the
 # way; columns of Rows.homes.
@@ -83,10 +83,13 @@ AIMS = 15  # rows of Space.aims for each plane; see stickslip.motion.steps.respo
 # terms of Au, and 1 where Au is not u itself.
 LEAD, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP, ADMISSIBLE, ADMISSIBLE_SIZE = range(8)
 STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR, AU_SIZE, HAS_AXES = range(8, 16)
-# Columns of Rows.doubtful.
-DOUBTED, SLIPPING, TOWARDS = range(3)
+# Columns of Rows.required.
+REQUIRED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
 RUBBING, PRESSING = range(2)
+# Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
+# impact; and by link, coefficients of friction against slip forward and back, and where it holds.
+WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
@@ -109,9 +112,9 @@ class Rows(NamedTuple):
     noise : array of int
         Place of the size of the terms of each of these in the table of magnitudes, −1: nothing
         cancels in it.
-    doubtful : array of int, shape (·, 3)
-        Rows that may become negative, though they must not (DOUBTED); the contact that is SLIPPING
-        and the direction TOWARDS which it does then (−1, 0: always).
+    required : array of int, shape (·, 3)
+        Rows that are REQUIRED to be nonnegative but may become negative; the contact that is
+        SLIPPING and the direction TOWARDS which it does then (−1, 0: always).
     timed : array of int
         1 for each kink that comes at a time, whatever the state.
     bounded : array of int
@@ -205,7 +208,7 @@ class Rows(NamedTuple):
     kinks: IntVector
     watched: IntVector
     noise: IntVector
-    doubtful: IntMatrix
+    required: IntMatrix
     timed: IntVector
     bounded: IntVector
     vanishing: IntVector
@@ -277,9 +280,9 @@ class Space(NamedTuple):
         Matrix, inverse and residual of the rate-independent coordinates; A also of inertial ones
         where theirs changes on the way.
     discs : array, shape (rows, 4)
-        How far each row strays from its value at the beginning of a step, and how near it comes to
-        zero, see :mod:`stickslip.motion.discs`; last, how far the derivative of a part of the
-        state strays.
+        Bounds of the deviation of each row from its value at the beginning of a step, and of its
+        distance from zero, see :mod:`stickslip.motion.discs`; last, of the deviation of the
+        derivative of a component of the state.
     kinds : array of int
         What each row depends on; see :mod:`stickslip.motion.affine.structure`.
     nodes : array, shape (n + 1, nodes)
@@ -287,9 +290,9 @@ class Space(NamedTuple):
     samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
         Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's
         form.
-    promise : array, shape (2, n)
-        Rates at the end of the last step, times its length, as its series has them (PROMISED); and
-        the state it STARTED from.
+    last_step : array, shape (2, n)
+        Rates at the end of the last step according to its series, times its length (PREDICTED);
+        and the state it STARTED from.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     asked : array of int
@@ -306,7 +309,7 @@ class Space(NamedTuple):
     begun, answer, aims, facing : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`, and of faces,
         :mod:`stickslip.motion.steps.face_onset`.
-    basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
+    basis, in_basis, in_turned_basis, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     cancelling : array
         Of those among them whose directions turn; see :mod:`stickslip.motion.admissible.turning`.
@@ -317,7 +320,7 @@ class Space(NamedTuple):
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
-    wish, late : arrays of int, shape (1,)
+    interrupt, late : arrays of int, shape (1,)
         Not zero once a stop is requested, and once the time is up
         (:mod:`stickslip.stopping`).
     """
@@ -342,7 +345,7 @@ class Space(NamedTuple):
     touched: IntVector
     y0: Vector
     trial: Vector
-    promise: Matrix
+    last_step: Matrix
     powers: Vector
     pending: Matrix
     labels: IntMatrix
@@ -365,8 +368,8 @@ class Space(NamedTuple):
     aims: Matrix
     facing: Matrix
     basis: Matrix
-    grip: Matrix
-    turned_grip: Matrix
+    in_basis: Matrix
+    in_turned_basis: Matrix
     bend: Matrix
     unbent: Matrix
     aside: Matrix
@@ -381,7 +384,7 @@ class Space(NamedTuple):
     turn: Matrix
     turned: Matrix
     onset: Matrix
-    wish: IntVector
+    interrupt: IntVector
     late: IntVector
 
 
@@ -407,7 +410,7 @@ class Lane(NamedTuple):
     counters : array of int
         By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just
         fired, or −1; `CROSSED`, kinks; `TAKEN`, steps; `WORD`, the modes that it has been in, one
-        after the other, as a number (:func:`stickslip.motion.modes.guards.spell`).
+        after the other, as a number (:func:`stickslip.motion.modes.guards.extended_word`).
     """
 
     clock: Vector
@@ -507,62 +510,7 @@ def flow_of(flow: Flow, g: int) -> Flow:
 @compiled()
 def is_stopped(space: Space) -> bool:
     """Whether compiled loops have to return."""
-    return bool(space.wish[0] != 0 or space.late[0] != 0)
-
-
-@compiled()
-def own_inverse(rows: Rows, space: Space, c: int) -> float:
-    """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
-    part = rows.homes[c, PART]
-    seat = rows.homes[c, SEAT]
-    column = seat - rows.parts[part, FIRST_ROW]
-    return float(
-        space.Rq[seat, column] if rows.parts[part, MATRIX] == 0 else space.Rz[seat, column]
-    )
-
-
-# Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
-# impact; and by link, coefficients of friction against slip forward and back, and where it holds.
-WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
-
-
-@compiled()
-def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float:
-    """A coefficient of the direction of a contact, by the place of the coordinate in its component:
-    constant, or from the table."""
-    turning = rows.turning[c, j]
-    return float(table[turning, 0] if turning >= 0 else J[c, j])
-
-
-@compiled()
-def inertial_contacts(rows: Rows) -> Array:
-    """The first directions of all contacts that move inertial coordinates."""
-    return rows.contacts[: rows.massive_contacts]
-
-
-@compiled()
-def inertial_friction(rows: Rows) -> Array:
-    """The contacts among them that have friction."""
-    return rows.frictional[: rows.massive_frictional]
-
-
-@compiled()
-def directions_of(rows: Rows, c: int) -> Array:
-    """The directions of a contact, by its first one; none, if it is another one."""
-    return rows.directions[rows.first_direction[c] : rows.first_direction[c + 1]]
-
-
-@compiled()
-def own_directions(rows: Rows, c: int) -> Array:
-    """All directions of the contact that a direction belongs to."""
-    return directions_of(rows, rows.lead[c])
-
-
-@compiled()
-def leads(rows: Rows, c: int) -> bool:
-    """Whether a direction is the first one of its contact: what is said of the contact is said of
-    it."""
-    return bool(rows.lead[c] == c)
+    return bool(space.interrupt[0] != 0 or space.late[0] != 0)
 
 
 @compiled()
@@ -579,58 +527,9 @@ def tape_of(flow: Flow, N: int) -> DiscTape:
 
 
 @compiled()
-def is_loose(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact has friction under normal forces alone, and all that press it are open."""
-    if rows.alone[c] == 1:
-        return False
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if mode[rows.links[link, PRESSING]] == 0:
-            return False
-    return True
-
-
-@compiled()
-def opens(rows: Rows, c: int) -> bool:
-    """Whether a contact is the normal direction of one that can open."""
-    return bool(rows.gaps[c] >= 0)
-
-
-@compiled()
-def has_opened(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact can open, and has."""
-    return bool(opens(rows, c) and mode[c] != 0)
-
-
-@compiled()
-def loosen_friction(rows: Rows, mode: Array) -> None:
-    """Open contacts have no friction: their mode is set to slip, in a unique direction."""
-    for c in inertial_friction(rows):
-        if is_loose(rows, mode, c):
-            set_mode(rows, mode, c, 1)
-
-
-@compiled()
-def presses(rows: Rows, n: int, c: int) -> bool:
-    """Whether the normal force of contact n is in the friction of contact c."""
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if rows.links[link, PRESSING] == n:
-            return True
-    return False
-
-
-@compiled(brief=True)
-def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Give a contact a mode, which all its directions have; where they are several, a slip has no
-    sign."""
-    block = own_directions(rows, c)
-    for i in block:
-        mode[i] = value if len(block) == 1 else abs(value)
-
-
-@compiled()
 def plain_coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
-    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; the
-    directions of slips in a plane that begin stay what they are there."""
+    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table;
+    directions of beginning slips in a plane keep their entries there."""
     s = flow.space
     return machine.jets(
         at.t, at.y, at.mode, at.reg, flow.k.K, s.Rq, s.Rz, order, table, s.A, s.B, s.mag
@@ -649,7 +548,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     big = max(widths)
     moving = [int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MOVING]]
     most = max([nr, *moving])  # unknowns of a problem whose matrix changes on the way
-    guards = nk + 2 * nc + len(rows.doubtful) + 1
+    guards = nk + 2 * nc + len(rows.required) + 1
     struck = mq if np.any(rows.gaps >= 0) or mq <= MOST_SHARED else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     sharing = bool(np.any(rows.group >= 0))
@@ -682,7 +581,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         touched=z(nk + nc, np.int64),
         y0=z(n),
         trial=z(n),
-        promise=z((2, n)),
+        last_step=z((2, n)),
         powers=z(N + 1),
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
@@ -704,8 +603,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         aims=z((AIMS * len(rows.planes), N + 1)),
         facing=z((PER_FACE * len(rows.planes), 5)),
         basis=z((several, nq)),
-        grip=z((mq if sharing else 0, nq)),
-        turned_grip=z((mq if sharing else 0, nq)),
+        in_basis=z((mq if sharing else 0, nq)),
+        in_turned_basis=z((mq if sharing else 0, nq)),
         bend=z((several, nq)),
         unbent=z((several, nq)),
         aside=z((13 if sharing else 0, max(nq, mq, most_points))),
@@ -720,7 +619,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         turn=z((2 * slips + 1, 2 * slips)),
         turned=z((2 * slips, 2 * slips)),
         onset=z((8 + slips, max(N + 2, 2 * slips))),
-        wish=z(1, np.int64),
+        interrupt=z(1, np.int64),
         late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),
     )

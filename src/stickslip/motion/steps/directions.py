@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.roots import horner
 from stickslip.motion.discs.spreading import is_given, reach
 from stickslip.motion.discs.tables import SLOPE, store
 from stickslip.motion.steps.arrays import (
@@ -24,10 +25,8 @@ from stickslip.motion.steps.arrays import (
     PART,
     Flow,
     Rows,
-    directions_of,
-    set_mode,
 )
-from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.contacts import directions_of, set_mode
 from stickslip.motion.steps.sets import axis_of, slip_speed, width_of
 from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.symbolic.tape import DIRECTION_GIVEN
@@ -36,7 +35,7 @@ from stickslip.translator import compiled
 
 @compiled()
 def give_directions(rows: Rows, mode: Array, given: bool) -> None:
-    """Let the directions of slips in a plane be given, or follow from the state again.
+    """Fix the directions of slips in a plane, or let the state determine them again.
 
     So nothing is divided by a speed: an audit has the direction of a step as one more candidate,
     and asks whether it is that of the velocity.
@@ -142,8 +141,8 @@ def follow_directions(
 
 
 @compiled()
-def forget_directions(rows: Rows, discs: Array) -> None:
-    """Take back what :func:`follow_directions` has noted."""
+def discard_directions(rows: Rows, discs: Array) -> None:
+    """Undo :func:`follow_directions`."""
     for p in range(len(rows.planes)):
         discs[rows.planes[p, AIM], SLOPE] = 0.0
 
@@ -151,7 +150,7 @@ def forget_directions(rows: Rows, discs: Array) -> None:
 @compiled()
 def spread_given(flow: Flow, mode: Array, N: int) -> None:
     """Discs of the directions of slips that are polynomials, as :func:`spread_state` makes them;
-    and, where Au is a polynomial, how far it strays along its direction, and across.
+    and, if Au is a polynomial, bounds of its deviation along and across its direction.
 
     Parameters
     ----------

@@ -18,6 +18,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
+from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -30,9 +31,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.onset import MOST_LEADING, NEGLIGIBLE
 from stickslip.motion.steps.response import (
     AIMS,
@@ -45,7 +46,6 @@ from stickslip.motion.steps.response import (
     rate_row,
 )
 from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_at
-from stickslip.motion.steps.vectors import solve_equations
 from stickslip.numerics.levels import FIRED, LOWERED, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 
@@ -375,7 +375,7 @@ def made_least(own: Array, root: float) -> float:
 
 @compiled(brief=True)
 def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
-    """A step of Newton's method for n and ρ in b − k D ∇R(n) = ρ n; how far it goes.
+    """A step of Newton's method for n and ρ in b − k D ∇R(n) = ρ n; returns its size.
 
     Parameters
     ----------
@@ -400,6 +400,7 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
     length = 0.0
     for i in range(3):
         most = max(most, abs(equations[i, 4]))
+    # Damped: the linearised equations hold for small rotations of n only.
     share = min(1.0, 0.5 / most) if most > 0.0 else 1.0
     for i in range(3):
         n[i] += share * equations[i, 4]
@@ -412,7 +413,8 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
 
 @compiled(brief=True)
 def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, rho: float) -> None:
-    """The equations of a change of n and of ρ: −k D ∇²R(n) − ρ and −n, and nothing along n.
+    """The equations of a change of n and of ρ, with the coefficients −k D ∇²R(n) − ρ and −n, and no
+    change along n.
 
     Parameters
     ----------
@@ -437,7 +439,7 @@ def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, 
 
 @compiled(brief=True)
 def aim_face_order(flow: Flow, p: int, m: int, lost: float) -> None:
-    """Order m of the direction of a face, and the order of |Au| that it tells.
+    """Order m of the direction of a face, and the order of |Au| that follows from it.
 
     Parameters
     ----------

@@ -25,6 +25,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
+from stickslip.motion.algebra.vectors import direction_and_turn, is_new
 from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
@@ -45,7 +46,6 @@ from stickslip.motion.steps.response import (
     span_rates,
     speed_along,
 )
-from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 
@@ -66,8 +66,8 @@ _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
 @compiled(brief=True)
 def begin_together(flow: Flow) -> bool:
     """Whether several slips begin, all of them of contacts that may share forces, or one that
-    changes normal forces; or one that the others let move along a line only, so that friction does
-    not tell its direction."""
+    changes normal forces; or one whose motion the others restrict to a line, so that friction does
+    not determine its direction."""
     rows = flow.rows
     group = -1
     count = 0
@@ -87,7 +87,7 @@ def begin_together(flow: Flow) -> bool:
 @compiled(brief=True)
 def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float) -> None:
     """The matrix share·ZᵀÂ H Z, H the derivative of all directions u/√(|u|² + rounded²) by u, in
-    the work space; the directions themselves are left with what is solved for.
+    the work space; the directions themselves are left among the unknowns.
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def respond_along(
     rounded: float,
     slopes: bool,
 ) -> bool:
-    """If the rates of Au are not a linear function of directions, replace them by b₀ + Â n at the
-    directions u/√(|u|² + rounded²); False if there are no rates.
+    """Linearise the rates of Au as b₀ + Â n at the directions u/√(|u|² + rounded²), unless they are
+    linear in the directions; False if there are no rates.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def rounded_off(
 @compiled(brief=True)
 def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """v₀, and β₀ unless it vanishes, of slips that begin together; returns the number of vectors of
-    Z. What does not begin has a β below zero.
+    Z. Contacts that do not begin to slip have a negative β.
 
     Parameters
     ----------
@@ -277,8 +277,8 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
 
 @compiled(brief=True)
 def place_face(flow: Flow, rank: int, way: Array) -> int:
-    """An orthonormal basis of the mechanisms whose directions are those of V, behind one of all
-    others; V is its first vector. Returns how many these others are.
+    """An orthonormal basis of the mechanisms with the directions of V, preceded by one of all
+    others; V is its first vector. Returns the number of the others.
 
     Parameters
     ----------
@@ -298,6 +298,7 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
         speed = math.hypot(x, y)
         size = 0.0
         for r in range(rank):
+            # The cross product vanishes for mechanisms that keep the direction of this slip.
             face[others, r] = (x * span[r, 2 * p + 1] - y * span[r, 2 * p]) / speed
             size += face[others, r] ** 2
         if size > NEW_DIRECTION and is_new(rank, face, others, _ACROSS):
@@ -317,8 +318,8 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
 def refine_face(
     machine: Machine, flow: Flow, at: Instant, table: Array, rank: int, size: float
 ) -> bool:
-    """The directions of a face of mechanisms, exactly, if forces have just reached what they cannot
-    hold; False if not, or if there is one mechanism only.
+    """Refine the directions of a face of mechanisms to rounding errors, if forces have just reached
+    the limit; False if not, or if there is one mechanism only.
 
     Parameters
     ----------
@@ -432,6 +433,7 @@ def refine_aim(
     for _ in range(NEWTON_TURNS):
         if not respond_along(machine, flow, at, table, rank, way, 0.0, True):
             return False
+        # Newton's method for v and β in Zᵀ(b₀ + Â n) = β v, bordered by |v|² = 1.
         place_slopes(flow, rank, way, 0.0, 1.0)
         part_in_span(flow, rank, BX, 0, right)
         answer_to(flow, rank, X, 0, 1.0, right)
@@ -449,6 +451,7 @@ def refine_aim(
             way[r] += onset[_SOLVED, r]
             change = max(change, abs(onset[_SOLVED, r]))
         beta += onset[_SOLVED, rank]
+        # Corrections that no longer decrease have reached the rounding errors.
         settled = change <= 2.0 * EPSILON or (change < _SURE and not change < before)
         if settled:
             break
@@ -522,7 +525,8 @@ def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
 
 @compiled(brief=True)
 def set_apart(flow: Flow, rank: int, m: int) -> None:
-    """Leave of order m of Au/tᵖ what the body cannot do at first, but as it turns, by β.
+    """Remove from order m of Au/tᵖ the component that is impossible for the body at first, and
+    possible as it rotates, in terms of β.
 
     Parameters
     ----------
@@ -548,7 +552,7 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
 
 
 @compiled(brief=True)
-def forget_orders(flow: Flow) -> None:
+def discard_orders(flow: Flow) -> None:
     """Discard all but the first order of V, β and all directions, once the leading order of Au is
     known."""
     aims, onset = flow.space.aims, flow.space.onset
@@ -563,7 +567,7 @@ def forget_orders(flow: Flow) -> None:
 
 @compiled(brief=True)
 def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
-    """Order m of V, and the order of β that it tells.
+    """Order m of V, and the order of β that follows from it.
 
     Parameters
     ----------
@@ -634,8 +638,8 @@ def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
 
 @compiled(brief=True)
 def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, least: float) -> int:
-    """What order m says in a face of mechanisms: v₀ and β₀; or an order of β, and the part of one
-    of V in the face.
+    """Solve order m in a face of mechanisms: returns v₀ and β₀; or an order of β, and the component
+    of the order of V in the face.
 
     Parameters
     ----------

@@ -215,7 +215,7 @@ def measure_accuracy(flow: Flow, stages: Stages, step: float) -> None:
 
 @compiled()
 def newton_step(flow: Flow, stages: Stages, seen: Array) -> float:
-    """A step of Newton's method: the largest correction, in parts of what it may be."""
+    """A step of Newton's method; returns the largest correction, relative to its tolerance."""
     n = flow.rows.sizes[DIMENSION]
     m = flow.order // 2 * n
     worst = 0.0
@@ -278,6 +278,8 @@ def visit(
                 around = abs(time)
                 nudge = _NUDGE * (abs(time) + step)
                 time += nudge
+            # Differences relative to the value and to its change in the step, so that they exceed
+            # rounding errors also for components near zero.
             elif c >= 0:
                 around = abs(z[c])
                 moved = abs(stages.rate[c]) * step
@@ -345,8 +347,8 @@ def sampled_row(rates: Array, watched: Array, j: int) -> int:
 def compare(
     flow: Flow, stages: Stages, i: int, c: int, step: float, nudge: float, error: float
 ) -> None:
-    """What a change of a part of the state (or of time, behind them) makes of the rates at node i,
-    and an error of the guards.
+    """Change of the rates at node i due to a change of a component of the state (or of time, after
+    these), and the error of the guards.
 
     Parameters
     ----------
@@ -407,8 +409,8 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
 
 @compiled()
 def drop_rounding(flow: Flow, known: Array) -> None:
-    """Leave out what the state has behind its last term that is more than rounding: on discs it
-    would become large."""
+    """Set terms of the state beyond its last significant one to zero, since they would grow large
+    on discs."""
     W = flow.space.W
     s = flow.order // 2
     for r in range(flow.rows.sizes[DIMENSION]):
@@ -432,7 +434,7 @@ def span_of(W: Array, row: int, s: int) -> float:
 
 @compiled()
 def last_terms(flow: Flow, stages: Stages, step: float, seen: Array) -> float:
-    """The last two terms of the state and of all guards, in parts of what they may be.
+    """The last two terms of the state and of all guards, relative to their tolerances.
 
     Infinite where rounding errors leave nothing of a part of the state, as they do where Newton's
     method has gone to states that no motion comes to: there every term would be one of them.

@@ -11,6 +11,7 @@ beginning. What directions can make is what the body can do: an orthonormal basi
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import is_new
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -27,11 +28,10 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.sets import whole_rate, width_of
-from stickslip.motion.steps.vectors import is_new
 from stickslip.numerics.levels import NEW_DIRECTION, ROUNDING
 from stickslip.translator import compiled
 
@@ -58,7 +58,7 @@ def begins_in(flow: Flow, p: int) -> bool:
 
 @compiled(brief=True)
 def begins_flat(flow: Flow, p: int) -> bool:
-    """Whether one of them has two directions, so that an angle tells its slip."""
+    """Whether one of the contacts has two directions, so that its slip is given by an angle."""
     return begins_in(flow, p) and not is_face(flow.rows, p)
 
 
@@ -76,13 +76,13 @@ def aim_row(i: int) -> int:
 
 @compiled(brief=True)
 def rate_row(i: int) -> int:
-    """The row of Space.aims of a component of what the lower orders make of the rate."""
+    """The row of Space.aims of a component of the rate due to lower orders."""
     return BX + i if i < 2 else BZ
 
 
 @compiled()
 def place_aims(flow: Flow, table: Array, order: int) -> None:
-    """Put what is known of directions and speeds into a table."""
+    """Write the known directions and speeds to a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
@@ -98,7 +98,7 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
 
 @compiled()
 def place_speeds(flow: Flow, table: Array, order: int) -> None:
-    """Put |Au| = tᵖ ρ into a table, as far as it is known."""
+    """Write the known orders of |Au| = tᵖ ρ to a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
@@ -206,6 +206,7 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
         row = AIMS * (probe // 2) + N_ + probe % 2
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
+        # Order 1 of a direction changes order 2 of Au, so one evaluation gives a column of Â.
         if probe >= 0:
             aims[row, 1] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)
@@ -231,8 +232,8 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
 
 @compiled(brief=True)
 def span_rates(flow: Flow) -> int:
-    """An orthonormal basis of the velocities that a body can have, from what directions make of
-    them, as rows; returns how many there are."""
+    """An orthonormal basis, as rows, of the possible velocities of a body, from the responses to
+    directions; returns its rank."""
     rows = flow.rows
     answer, span = flow.space.answer, flow.space.span
     n = 2 * len(rows.planes)
@@ -311,8 +312,8 @@ def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array
 
 @compiled(brief=True)
 def lost_order(flow: Flow, table: Array) -> float:
-    """What rounding errors of forces make of an order of Au, for the contacts that begin to slip: a
-    smaller one is none.
+    """Rounding errors of an order of Au due to those of forces, for contacts that begin to slip:
+    smaller values count as zero.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import direction_and_turn
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM_SPEED,
@@ -29,11 +30,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    directions_of,
-    is_loose,
-    own_directions,
 )
-from stickslip.motion.steps.vectors import direction_and_turn
+from stickslip.motion.steps.contacts import directions_of, is_loose, own_directions
 from stickslip.numerics.levels import LAST_DIGITS, ROUNDING
 from stickslip.translator import compiled
 
@@ -206,9 +204,8 @@ def gap_size(rows: Rows, space: Space, c: int) -> float:
 
 
 @compiled(brief=True)
-def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
-    """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
-    steps."""
+def store_gap_sizes(rows: Rows, space: Space, seen: Array) -> None:
+    """Store the largest gaps of a motion, from the sizes of the rows that bound its steps."""
     for c in rows.openings:
         for i in range(len(rows.watched)):
             if rows.watched[i] == rows.gaps[c]:
@@ -534,8 +531,8 @@ def holds_all(flow: Flow, c: int, radius: float, a: float, b: float) -> bool:
 
 @compiled(brief=True)
 def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float, y: float) -> float:
-    """The least part of the way (x, y) from a force (a, b) into the set of a contact, in which it
-    ends.
+    """Smallest fraction of the vector (x, y) that moves a force (a, b) into the set of a contact;
+    the whole vector does.
 
     Parameters
     ----------
@@ -554,6 +551,7 @@ def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float,
         inwards = -(a * x + b * y)
         root = inwards * inwards - (x * x + y * y) * outside
         below = inwards + math.sqrt(max(root, 0.0))
+        # The smaller root, as a quotient that does not cancel.
         return outside / below if below > outside else 1.0
     if not force_outside(flow, c, radius, a, b) > 0.0:
         return 0.0

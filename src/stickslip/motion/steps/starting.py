@@ -37,10 +37,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
-    set_mode,
 )
+from stickslip.motion.steps.contacts import directions_of, set_mode
 from stickslip.motion.steps.face_onset import aim_face_order, aim_faces, put_pieces
 from stickslip.motion.steps.onset import (
     MOST_LEADING,
@@ -48,7 +47,7 @@ from stickslip.motion.steps.onset import (
     aim_order_together,
     aim_together,
     begin_together,
-    forget_orders,
+    discard_orders,
 )
 from stickslip.motion.steps.response import (
     AXES,
@@ -296,7 +295,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             # How a moving body turns slips that begin on it follows from orders of Au behind the
             # leading one.
             if before == 1 and leading_order(flow) > 1:
-                forget_orders(flow)
+                discard_orders(flow)
                 m = 0
             elif before > 1:
                 place_aims(flow, work, deeper)
@@ -386,8 +385,8 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
 
 @compiled()
 def aim_first(flow: Flow) -> None:
-    """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, in turn
-    until nothing changes."""
+    """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, iterated
+    until they are constant."""
     aims = flow.space.aims
     answer = flow.space.answer
     planes = len(flow.rows.planes)
@@ -421,10 +420,10 @@ def aim_first(flow: Flow) -> None:
 
 @compiled()
 def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
-    """Directions at the beginning where friction changes the normal force that presses it: (Au)₁ is
-    no linear function of n₀, but has its direction, as before. All angles are looked through; of
-    several solutions that with the largest acceleration is taken. Each such plane has a component
-    of its own, so they do not depend on each other.
+    """Directions at the beginning if friction changes its own normal force: (Au)₁ is a nonlinear
+    function of n₀, and has its direction, as before. All angles are searched; of several solutions
+    that with the largest acceleration is selected. Each such plane is a separate component, so they
+    do not depend on each other.
 
     Higher orders are linear: what nₘ does to (Au)ₘ₊₁ is the derivative at n₀, which order 1 of
     n = n₀ + t shows exactly.
@@ -603,7 +602,7 @@ def moves_along_one(a: float, b: float, c: float, x: float, y: float, wide: floa
 
 @compiled()
 def aim_order(flow: Flow, m: int) -> None:
-    """Order m of the directions, and the order of |Au| that it tells.
+    """Order m of the directions, and the order of |Au| that follows from it.
 
     Parameters
     ----------

@@ -35,12 +35,12 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    directions_of,
     tape_of,
 )
+from stickslip.motion.steps.contacts import directions_of
 from stickslip.motion.steps.directions import (
+    discard_directions,
     follow_directions,
-    forget_directions,
     spread_given,
 )
 from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane, slip_speed, whole_speed
@@ -215,7 +215,7 @@ def lost_terms(flow: Flow, i: int) -> float:
 
 @compiled()
 def first_step(c: Array, N: int, tol: float, lost: float) -> float:
-    """Step of a quantity that has been nothing so far: its last terms are small beside the first
+    """Step of a quantity that has been zero so far: its last terms are small relative to the first
     one that is not lost in rounding."""
     j = 0
     h = np.inf
@@ -253,8 +253,8 @@ def largest_within(W: Array, first: int, count: int, N: int, x: float) -> float:
 
 @compiled()
 def step_from_rest(flow: Flow, N: int, seen: Array) -> float:
-    """Step of places and velocities that have been nothing so far: beside the first terms of each,
-    or beside next to nothing of the largest, its last terms are small.
+    """Step of positions and velocities that have been zero so far: the last terms are small
+    relative to the first terms of each, or to a tiny fraction of the largest.
 
     Parameters
     ----------
@@ -389,7 +389,7 @@ def fill_powers(powers: Array, h: float) -> None:
 
 @compiled()
 def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
-    """The step, or as much of it as hides nothing.
+    """Reduce the step until no feature is missed in it.
 
     Parameters
     ----------
@@ -418,7 +418,7 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
             x = h / space.W[rows.sizes[DIMENSION], 1]
             if follow_directions(rows, mode, space.W, flow.order, x, flow.tol, space.discs):
                 excess = unseen(flow, mode, reg, h, seen, narrow)
-                forget_directions(rows, space.discs)
+                discard_directions(rows, space.discs)
         if excess <= 1.0:
             break
         h *= 0.7 if excess < 10.0 else 0.5
@@ -459,8 +459,8 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
 
 @compiled()
 def slip_end(speed: Array, N: int, h: float) -> tuple[float, float]:
-    """When a speed vanishes within a step, as its series says, and how fast it falls there;
-    infinite if it does not.
+    """Time at which a speed vanishes within a step, according to its series, and its rate of
+    decrease there; infinite if it does not vanish.
 
     Parameters
     ----------
@@ -556,7 +556,7 @@ def unseen_within(
 
 @compiled()
 def may_hide(tape: DiscTape, part: float) -> bool:
-    """Whether an instruction may hide more than a part of what it shows: a quick look that mostly
+    """Whether an instruction may hide more than a fraction of its value: a fast test that usually
     suffices."""
     p = tape.program
     W = tape.W
@@ -573,8 +573,8 @@ def may_hide(tape: DiscTape, part: float) -> bool:
 
 @compiled()
 def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float:
-    """The largest part of the state and of the guards that may be hidden, in parts of what is
-    allowed: the velocity of what sticks is zero, and not a guard.
+    """The largest hidden part of the state and of the guards, relative to its tolerance; velocities
+    of sticking contacts are zero, and not guards.
 
     Parameters
     ----------
@@ -628,7 +628,7 @@ def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float
 
 @compiled()
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
-    """The larger of a number and of what is hidden in a row, in parts of what is allowed.
+    """The larger of a number and of the hidden part of a row relative to its tolerance.
 
     Parameters
     ----------

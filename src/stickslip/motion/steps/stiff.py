@@ -113,9 +113,9 @@ def vanishing(flow: Flow, r: int, h: float, tol: float, atol: float, seen: Array
 
 
 @compiled()
-def calm(flow: Flow, h: float, tol: float, atol: float, seen: Array) -> bool:
-    """Whether a series is as good as known at a third of its order: its step is bounded by
-    something that decays.
+def is_stability_limited(flow: Flow, h: float, tol: float, atol: float, seen: Array) -> bool:
+    """Whether a series converges to within its tolerance at a third of its order: the step is then
+    limited by the stability of decaying components, not by accuracy.
 
     Parameters
     ----------
@@ -135,9 +135,9 @@ def calm(flow: Flow, h: float, tol: float, atol: float, seen: Array) -> bool:
 
 
 @compiled()
-def swings(flow: Flow, h: float, step: float, tol: float, atol: float, seen: Array) -> bool:
-    """Whether a calm motion turns too often in a step for one polynomial: its terms are those
-    of an oscillation, x‴ = −ω²x′, with a large ω times the step.
+def oscillates(flow: Flow, h: float, step: float, tol: float, atol: float, seen: Array) -> bool:
+    """Whether a stability-limited motion oscillates too fast in a step for one polynomial: its
+    terms are those of an oscillation, x‴ = −ω²x′, with a large ω times the step.
 
     Parameters
     ----------
@@ -158,9 +158,8 @@ def swings(flow: Flow, h: float, step: float, tol: float, atol: float, seen: Arr
 
 
 @compiled()
-def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
-    """Whether it is time to try a polynomial instead of the series that is in the table, and how
-    long a one.
+def is_implicit_due(flow: Flow, lane: Lane, h: float, room: float) -> bool:
+    """Whether to try an implicit step instead of the series in the table; sets its length.
 
     Parameters
     ----------
@@ -171,7 +170,9 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     n = len(lane.y)
     if n > MOST_IMPLICIT or not cost_in_series(n) * h < room:
         return False
-    settled = lane.counters[CAUSE] < 0 and calm(flow, h, flow.tol, flow.atol, lane.seen)
+    settled = lane.counters[CAUSE] < 0 and is_stability_limited(
+        flow, h, flow.tol, flow.atol, lane.seen
+    )
     if not settled:
         clock[IMPLICIT] = min(clock[IMPLICIT], -WATCHED)
         return False
@@ -225,8 +226,8 @@ def follow_mode(
             order == N
             and n <= MOST_IMPLICIT
             and 0.0 < least < room
-            and calm(flow, h, tol, atol, seen)
-            and not swings(flow, h, least, tol, atol, seen)
+            and is_stability_limited(flow, h, tol, atol, seen)
+            and not oscillates(flow, h, least, tol, atol, seen)
         ):
             return order, h, h
         first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))
@@ -237,9 +238,9 @@ def follow_mode(
 
 @compiled()
 def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
-    """Whether a slip in a plane begins or ends with a step, and the series is good for all of it,
-    as it was when the motion was computed: finer steps would lead to the end only bit by bit, and
-    away from the beginning as slowly, since what decays there is fast while the slip is slow.
+    """Whether a slip in a plane begins or ends with a step, and the series is accurate in all of
+    it, as in the original computation. Shorter steps would approach the end only slowly, and leave
+    the beginning slowly, because decay is fast while the slip is slow.
 
     Parameters
     ----------
@@ -270,8 +271,8 @@ def touches_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
 
 @compiled()
 def ends_there(h: float, left: float, base: float) -> bool:
-    """Whether a polynomial that is good for a time h is used up to the end of a step: what is left
-    behind it cannot be told from nothing.
+    """Whether a polynomial that is accurate for a time h is used up to the end of a step: the
+    remaining time cannot be resolved.
 
     Parameters
     ----------
@@ -319,6 +320,7 @@ def collocate(
         to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
         drop_rounding(flow, stages.known)
         excess = last_terms(flow, stages, step, seen)
+        # The last terms of a polynomial of degree s scale with the s-th power of the step.
         fits = 0.9 * max(excess, LEAST_SIZE) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)

@@ -64,8 +64,8 @@ class SupportFormula(Dissipation, kind="formula"):
     Notes
     -----
     Convexity is proved from the form of the formula (sums, maxima, norms), or by bounds of its
-    second derivatives in all directions; ``convex.said`` describes the proof. Otherwise convexity
-    is only sampled, and certificates state so.
+    second derivatives in all directions; ``convex.evidence`` describes the proof. Otherwise
+    convexity is only sampled, and certificates state so.
 
     Nearest points are exact to machine precision. If the formula is not of another kind, Newton's
     method finds the rate that is normal to K(s), also at kinks of the formula.

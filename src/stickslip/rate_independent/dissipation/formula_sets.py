@@ -79,7 +79,7 @@ class FormulaSets(Dissipation):
 
     @property
     def doubt(self) -> str:
-        return "" if self.convex.proved else f"dissipation {self.convex.said}"
+        return "" if self.convex.proved else f"dissipation {self.convex.evidence}"
 
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         v = self.vector(v, "v")

@@ -247,7 +247,7 @@ def measured(
     failed = ~np.isin(observed.outcome, [o.code for o in (*MEASURED, Outcome.FINISHED)])
     result = {"outcome": observed.outcome.astype(np.int8)}
     result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
-    result["lacking"] = lacking(observed, tolerance)
+    result["lacking"] = first_missing(observed, tolerance)
     result["excess"] = observed.excess
     for measure in measures:
         name, _, of = measure.partition(":")
@@ -329,14 +329,14 @@ def _again(problem: Problem, measure: str) -> PeriodRule | None:
     return known.again if known.rule is None or _of_formula(problem.system, measure) else None
 
 
-def lacking(observed: Observed, tolerance: float) -> Array:
-    """What certificates lack, as positions in :data:`LACKING`: the first residual that is too
-    large."""
+def first_missing(observed: Observed, tolerance: float) -> Array:
+    """The first condition of a certificate that is not met, as positions in
+    :data:`MISSING`."""
     wrong = ~(observed.found.audit <= tolerance)
     found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
     known = np.isin(observed.outcome, [o.code for o in (*ATTRACTORS, Outcome.FINISHED)])
     other = np.where(np.isin(observed.outcome, [o.code for o in MEASURED]), "attractor", "result")
-    return np.where(known, found, [LACKING.index(name) for name in other]).astype(np.int8)
+    return np.where(known, found, [MISSING.index(name) for name in other]).astype(np.int8)
 
 
 def certified_below(settings: Settings) -> float:
@@ -361,7 +361,7 @@ def how_carried(data: xarray.Dataset) -> str:
     return str(data.attrs.get("stickslip_carry", ""))
 
 
-LACKING = (
+MISSING = (
     "nothing",
     "energy balance",
     "friction law",
@@ -371,5 +371,5 @@ LACKING = (
     "attractor",
     "result",
 )
-"""What a point may lack to be certified; 0: nothing. The order of the residuals is that of the
-audit."""
+"""Conditions of a certificate that a point may miss; 0: none of them. The order of the residuals is
+that of the audit."""

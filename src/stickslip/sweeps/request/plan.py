@@ -24,7 +24,7 @@ from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
-from stickslip.sweeps.request.measures import LACKING, certified_below
+from stickslip.sweeps.request.measures import MISSING, certified_below
 from stickslip.sweeps.request.records import Driven
 from stickslip.sweeps.request.user_measures import REASONS, FormulaMeasure, Measure, variable
 from stickslip.symbolic.enclosures import bounds
@@ -226,10 +226,10 @@ class Plan:
             np.nan,
             {"units": "1", "long_name": "residual of the certificate", "tolerance": tolerance},
         )
-        missing = _flags(dict(enumerate(LACKING))) | {
+        missing = _flags(dict(enumerate(MISSING))) | {
             "long_name": "failed criterion of the certificate"
         }
-        found["lacking"] = ("i1", LACKING.index("result"), missing)
+        found["lacking"] = ("i1", MISSING.index("result"), missing)
         unit = (
             next(
                 (

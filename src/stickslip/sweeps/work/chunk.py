@@ -70,8 +70,8 @@ def measure_chunk(
         :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of
         the energy balance, the violation of the friction law, the defect of the equations of
         motion, the failure to close, and a number that exceeds the tolerance if a shorter period
-        closes within it; ``lacking``, what a certificate lacks
-        (:data:`stickslip.sweeps.request.measures.LACKING`); and ``excess``, by how much the initial
+        closes within it; ``lacking``, the first condition of a certificate that is not met
+        (:data:`stickslip.sweeps.request.measures.MISSING`); and ``excess``, by how much the initial
         state violates |∂Φ| ≤ s.
 
     Raises

@@ -214,7 +214,7 @@ def _raise_flag(key: str) -> None:
 def _attempt(function: Callable[[_T], _R], task: _T, flag: Array) -> _R | None:
     """The result of a task; None if it was given up."""
     try:
-        with watching(wish=flag):
+        with watching(interrupt=flag):
             return function(task)
     except Stopped:
         return None

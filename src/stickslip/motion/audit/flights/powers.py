@@ -10,7 +10,7 @@ from stickslip.motion.affine.forms import (
 from stickslip.motion.affine.modal_sums import (
     grown_by,
 )
-from stickslip.motion.audit.flights.aloft import LARGE_STATE, Aloft, Stretch
+from stickslip.motion.audit.flights.arrays import LARGE_STATE, FlightAudit, Stretch
 from stickslip.motion.audit.observers import Sums
 from stickslip.motion.steps.arrays import (
     DISSIPATED,
@@ -28,7 +28,7 @@ _LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
 
 @compiled()
 def power_of_pairs(
-    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, s: Stretch, at: Instant
+    machine: Machine, flow: Flow, a: FlightAudit, form: ClosedForms, s: Stretch, at: Instant
 ) -> tuple[float, float]:
     """Energy that the exponentials of a flight dissipate, and are supplied, by themselves.
 
@@ -60,6 +60,8 @@ def power_of_pairs(
         a.gram[n, r] = a.gram[r, r]
     spent, fed = 0.0, 0.0
     here = Instant(at.t, a.y, at.mode, at.reg)
+    # Pivoted Cholesky: ∫ x xᵀ dt is a sum of few x xᵀ, so the integral of a quadratic power is the
+    # sum of its values at these x, taken so large that terms of lower degree vanish.
     for _ in range(n):
         best, part = 0, 0.0
         for r in range(n):
@@ -83,7 +85,7 @@ def power_of_pairs(
 
 
 @compiled()
-def put_pairs(a: Aloft, form: ClosedForms, s: Stretch) -> None:
+def put_pairs(a: FlightAudit, form: ClosedForms, s: Stretch) -> None:
     """Put the integrals of products of exponentials over the flight into the work space."""
     for q in range(s.exponents):
         for j in range(s.exponents):
@@ -93,7 +95,7 @@ def put_pairs(a: Aloft, form: ClosedForms, s: Stretch) -> None:
 
 
 @compiled()
-def add_work_of_pairs(rows: Rows, a: Aloft, s: Stretch, sums: Sums) -> None:
+def add_work_of_pairs(rows: Rows, a: FlightAudit, s: Stretch, sums: Sums) -> None:
     """Add the work of contacts that exponentials do by themselves, with the integrals of their
     products."""
     n, nc = len(a.y), len(rows.u)

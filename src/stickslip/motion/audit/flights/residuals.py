@@ -17,7 +17,7 @@ from stickslip.motion.affine.modal_sums import (
 )
 from stickslip.motion.affine.nodes import LEBESGUE, most
 from stickslip.motion.affine.structure import is_affine
-from stickslip.motion.audit.flights.aloft import LARGE_STATE, Aloft, Stretch
+from stickslip.motion.audit.flights.arrays import LARGE_STATE, FlightAudit, Stretch
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     OK,
@@ -46,14 +46,14 @@ def put_rows(rows: Rows, V: Array, table: Array, g: int) -> None:
 
 
 @compiled()
-def learn_mode(
-    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, slot: int, at: Instant
+def evaluate_eigenvectors(
+    machine: Machine, flow: Flow, a: FlightAudit, form: ClosedForms, slot: int, at: Instant
 ) -> bool:
     """Evaluate the equations at the eigenvectors of a mode; False if it is not affine.
 
     Parameters
     ----------
-    a : Aloft
+    a : FlightAudit
         Receives what they make of these, and the residuals.
     at : Instant
         In the mode.
@@ -86,7 +86,7 @@ def learn_mode(
 
 
 @compiled()
-def put_residual(a: Aloft, form: ClosedForms, slot: int, j: int) -> None:
+def put_residual(a: FlightAudit, form: ClosedForms, slot: int, j: int) -> None:
     """Put the residual of an eigenvector, in eigenvectors, into the tables."""
     n = len(a.y)
     first = len(form.c2) - n
@@ -113,9 +113,9 @@ def put_residual(a: Aloft, form: ClosedForms, slot: int, j: int) -> None:
 
 
 @compiled()
-def note_residual(a: Aloft, form: ClosedForms, s: Stretch, begins: bool) -> None:
-    """Keep how large the residual of q is, which is in `x`, and by how much it differs from that at
-    the first node, where the flight `begins`."""
+def note_residual(a: FlightAudit, form: ClosedForms, s: Stretch, begins: bool) -> None:
+    """Store the size of the residual of q, given in `x`, and its deviation from that at the first
+    node, where the flight `begins`."""
     n = len(a.x)
     first = len(form.c2) - n
     for k in range(s.exponents):
@@ -150,9 +150,9 @@ def passed(one: complex, other: complex, h: float) -> float:
 
 
 @compiled()
-def put_bounds(a: Aloft, form: ClosedForms, s: Stretch) -> None:
-    """Put by how much the end of a flight may be off into `bound`: what its residual makes in it,
-    and, where this is averaged out, in the time of a Taylor step."""
+def put_bounds(a: FlightAudit, form: ClosedForms, s: Stretch) -> None:
+    """Bound the error at the end of a flight in `bound`: the effect of its residual, over the
+    flight or, if the residual averages out, over a Taylor step."""
     n = len(a.bound)
     first = len(form.c2) - n
     for r in range(n):

@@ -51,6 +51,7 @@ from stickslip.motion.affine.modal_sums import (
     widen_by_sum,
 )
 from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, most
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -73,16 +74,21 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.beginnings import judge_beginning
 from stickslip.motion.audit.between_nodes import StepPiece
-from stickslip.motion.audit.flights.aloft import (
+from stickslip.motion.audit.flights.arrays import (
     LONG_FLIGHT,
-    Aloft,
+    FlightAudit,
     Stretch,
     put_slow,
     put_state,
     slow_rate,
 )
 from stickslip.motion.audit.flights.powers import add_work_of_pairs, power_of_pairs
-from stickslip.motion.audit.flights.residuals import learn_mode, note_residual, put_bounds, put_rows
+from stickslip.motion.audit.flights.residuals import (
+    evaluate_eigenvectors,
+    note_residual,
+    put_bounds,
+    put_rows,
+)
 from stickslip.motion.audit.friction_law import sample_law
 from stickslip.motion.audit.observers import Sums, count_times
 from stickslip.motion.audit.step_balance import audit_step, sample_residuals
@@ -111,14 +117,13 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, kink_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
-from stickslip.motion.steps.vectors import copy
 from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
 _ACTING = 4.0  # shortest times that a Taylor series would last
 _ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
 WHOLE, WITHOUT_EXTREMES = range(2)
-"""Slots of :attr:`Aloft.checked`."""
+"""Slots of :attr:`FlightAudit.checked`."""
 _UNKNOWN, _KNOWN, _REFUSED = range(3)
 _DOUBTED, _CHECKED, _UNRESOLVED = range(3)
 
@@ -127,7 +132,7 @@ _DOUBTED, _CHECKED, _UNRESOLVED = range(3)
 def audit_motion(
     machine: Machine,
     flow: Flow,
-    aloft: Aloft,
+    flights: FlightAudit,
     seen: Vector,
     starts: Record,
     ends: Record,
@@ -146,11 +151,11 @@ def audit_motion(
         length = ends.time[i] - starts.time[i]
         count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
-            found = audit_flight(machine, flow, aloft, starts, ends, i, accounts)
+            found = audit_flight(machine, flow, flights, starts, ends, i, accounts)
             if found == _DOUBTED:
                 audit_step(machine, flow, seen, starts, ends, True, i, accounts)
-            aloft.checked[WHOLE] += 1 if found != _DOUBTED else 0
-            aloft.checked[WITHOUT_EXTREMES] += 1 if found == _UNRESOLVED else 0
+            flights.checked[WHOLE] += 1 if found != _DOUBTED else 0
+            flights.checked[WITHOUT_EXTREMES] += 1 if found == _UNRESOLVED else 0
         elif (
             may_collide(flow.rows, ends.cause[i])
             or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
@@ -162,14 +167,14 @@ def audit_motion(
 def audit_flight(
     machine: Machine,
     flow: Flow,
-    a: Aloft,
+    a: FlightAudit,
     starts: Record,
     ends: Record,
     i: int,
     accounts: Accounts,
 ) -> int:
-    """Check the i-th step as a whole, and measure it: CHECKED, or UNRESOLVED where a largest force
-    is not found; DOUBTED if it is not clear beyond doubt, and nothing is added up.
+    """Check and measure the i-th step as a whole: CHECKED; UNRESOLVED if a largest force is not
+    found; DOUBTED, without contributions to the accounts, if no clear decision is possible.
 
     Parameters
     ----------
@@ -193,7 +198,7 @@ def audit_flight(
     if not resolve(rows, flow.k, space, mode):
         return _DOUBTED
     if a.state[slot] == _UNKNOWN:
-        known = learn_mode(machine, flow, a, form, slot, start)
+        known = evaluate_eigenvectors(machine, flow, a, form, slot, start)
         a.state[slot] = _KNOWN if known else _REFUSED
     if a.state[slot] != _KNOWN:
         return _DOUBTED
@@ -251,7 +256,7 @@ def audit_flight(
 
 
 @compiled()
-def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
+def candidate(rows: Rows, a: FlightAudit, mode: Array, reg: Array, h: float) -> int:
     """The closed form that may be that of a step, if the step is long; else −1.
 
     Parameters
@@ -273,7 +278,7 @@ def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
 
 
 @compiled()
-def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: float) -> int:
+def begin_flight(flow: Flow, a: FlightAudit, form: ClosedForms, start: Instant, h: float) -> int:
     """Put the amplitudes of a flight into the work space; returns in how many parts the drives turn
     a few radians each.
 
@@ -316,7 +321,7 @@ def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: flo
 def is_flown(
     machine: Machine,
     flow: Flow,
-    a: Aloft,
+    a: FlightAudit,
     form: ClosedForms,
     s: Stretch,
     start: Instant,
@@ -324,8 +329,8 @@ def is_flown(
     i: int,
     tally: Tally,
 ) -> bool:
-    """Whether a candidate obeys the equations, and leads to the end of the step; by how much it may
-    be off is left in `bound`.
+    """Whether a candidate satisfies the equations, and leads to the end of the step; its error
+    bound is left in `bound`.
 
     Parameters
     ----------
@@ -375,7 +380,7 @@ def is_flown(
 def follow_part(
     machine: Machine,
     flow: Flow,
-    a: Aloft,
+    a: FlightAudit,
     form: ClosedForms,
     s: Stretch,
     part: int,
@@ -387,7 +392,7 @@ def follow_part(
 
     Parameters
     ----------
-    a : Aloft
+    a : FlightAudit
         Receives the rows at q.
     at : Instant
         The beginning of the flight.
@@ -428,6 +433,8 @@ def follow_part(
             for j in range(s.exponents):
                 total += (form.a[first + r, j] * a.begin[j] * a.moments[g, j]).real
             a.x[r] = h * total
+        # Powers are quadratic forms: half the difference of both sides is the mixed term of q and
+        # the integrals of the exponentials.
         for side in (1.0, -1.0):
             for r in range(n):
                 a.y[r] = a.states[r, g] + side * a.x[r]
@@ -456,7 +463,7 @@ def follow_part(
 
 @compiled()
 def signal_of(
-    a: Aloft, form: ClosedForms, s: Stretch, row: int, sign: float, other: int, turn: float
+    a: FlightAudit, form: ClosedForms, s: Stretch, row: int, sign: float, other: int, turn: float
 ) -> ModalSum:
     """A signal on the part of a flight that is in the work space: a row times a sign, and another
     one (−1: none).
@@ -479,7 +486,7 @@ def signal_of(
 
 
 @compiled()
-def sum_in_work(a: Aloft, form: ClosedForms, s: Stretch) -> ModalSum:
+def sum_in_work(a: FlightAudit, form: ClosedForms, s: Stretch) -> ModalSum:
     """The signal in the work space."""
     return ModalSum(
         a.line,
@@ -495,15 +502,15 @@ def sum_in_work(a: Aloft, form: ClosedForms, s: Stretch) -> ModalSum:
 
 @compiled()
 def obeys(
-    rows: Rows, mag: Array, a: Aloft, form: ClosedForms, s: Stretch, at: Instant, tally: Tally
+    rows: Rows, mag: Array, a: FlightAudit, form: ClosedForms, s: Stretch, at: Instant, tally: Tally
 ) -> bool:
-    """Whether the law holds on a part of a flight, but for what is negligible, which is kept.
+    """Whether the law holds on a part of a flight, up to negligible violations, which are recorded.
 
     Parameters
     ----------
     mag : array
         Sizes of terms.
-    a : Aloft
+    a : FlightAudit
         With the rows at q.
     """
     law = tally.law
@@ -547,16 +554,16 @@ def obeys(
 
 @compiled()
 def add_contacts(
-    rows: Rows, mag: Array, a: Aloft, form: ClosedForms, s: Stretch, sums: Sums
+    rows: Rows, mag: Array, a: FlightAudit, form: ClosedForms, s: Stretch, sums: Sums
 ) -> bool:
-    """Add what a part of a flight amounts to: extremes, largest forces, impulses, and work but for
-    that of exponentials alone; False if not all extremes are found.
+    """Add the contributions of a part of a flight: extremes, largest forces, impulses, and work
+    except that of products of exponentials; False if not all extremes are found.
 
     Parameters
     ----------
     mag : array
         Sizes of terms.
-    a : Aloft
+    a : FlightAudit
         With the rows and the state at q.
     """
     n, nc = len(a.y), len(rows.u)
@@ -589,6 +596,8 @@ def add_contacts(
                 moment = h * a.begin[j] * a.moments[g, j]
                 held += (a.right[s.slot, force, j] * moment).real
                 fast += (a.right[s.slot, u, j] * moment).real
+            # The slow parts by Gauss's rule, their products with exponentials by moments; products
+            # of exponentials alone are added for the whole flight (:func:`add_work_of_pairs`).
             weight = h * GAUSS_WEIGHTS[g]
             sums.impulse[c] += weight * a.slow[force, g] + held
             sums.work[c] -= weight * a.slow[force, g] * a.slow[u, g]

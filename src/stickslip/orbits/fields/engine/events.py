@@ -8,7 +8,8 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.jumps import fired_jump
-from stickslip.motion.steps.arrays import MASSIVE, Rows, has_opened
+from stickslip.motion.steps.arrays import MASSIVE, Rows
+from stickslip.motion.steps.contacts import has_opened
 from stickslip.motion.steps.sets import plane_of
 from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.fields.engine.interpreter import perform

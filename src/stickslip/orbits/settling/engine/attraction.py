@@ -29,6 +29,7 @@ import numpy as np
 
 from stickslip.arrays import Array, Array3, IntMatrix, IntVector, Many, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.steps.arrays import (
     CAUSE,
     EMPTY_WORD,
@@ -40,7 +41,6 @@ from stickslip.motion.steps.arrays import (
     Machine,
     is_stopped,
 )
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.fields.engine.collocation import put_matrix, put_product
 from stickslip.orbits.fields.engine.events import fired, guards_at, jump
 from stickslip.orbits.fields.engine.tables import (

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.roots import horner
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import CAUSE, LAST, NOW, SERIES, Instant, Lane
-from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.lanes import copy_lane, own_flow
 from stickslip.orbits.settling.engine.leaping import CARRIED_ON, GO_ON, consider
 from stickslip.orbits.settling.engine.returns import begin_again, bring_home, remember

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.steps.arrays import FULL, Flow, Lane, Record, Task, flow_of
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.tables import Engine
 from stickslip.translator import compiled
 

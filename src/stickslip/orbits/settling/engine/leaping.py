@@ -9,8 +9,8 @@ itself.
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.steps.arrays import NOW, Lane
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.lanes import copy_lane
 from stickslip.orbits.settling.engine.marks import begin_strides, elapsed
 from stickslip.orbits.settling.engine.returns import (

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.steps.arrays import EMPTY_WORD, HAPPENED, LONG_AGO, NOW, SINCE, WORD, Lane
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.lanes import copy_lane
 from stickslip.orbits.settling.engine.returns import begin_again, grow, remember
 from stickslip.orbits.settling.engine.tables import (

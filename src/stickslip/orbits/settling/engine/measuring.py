@@ -6,6 +6,7 @@ import numpy as np
 
 from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
     ENERGY_BALANCE,
     EQUATIONS,
@@ -34,7 +35,6 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.lanes import (
     RECORDED,
     UNRECORDED,

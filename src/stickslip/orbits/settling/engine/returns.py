@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.steps.vectors import copy
+from stickslip.motion.algebra.vectors import copy
 from stickslip.orbits.settling.engine.tables import (
     COUNT,
     FLOOR,

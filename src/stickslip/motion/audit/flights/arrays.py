@@ -35,8 +35,8 @@ LARGE_STATE = 2.0**200  # a state so large that what does not depend on it is no
 _FEW = 8  # components of which all extremes are found
 
 
-class Aloft(NamedTuple):
-    """Closed forms as candidates, what the equations make of them, and work space.
+class FlightAudit(NamedTuple):
+    """Candidate closed forms, the results of substituting them into the equations, and work space.
 
     Rows of signals are rates, velocities, forces and both thresholds of all contacts, and kinks.
 
@@ -136,8 +136,8 @@ class Aloft(NamedTuple):
     before: Matrix
 
 
-def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> Aloft:
-    """Room for what an audit makes of the closed forms that are there.
+def make_flight_audit(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> FlightAudit:
+    """Allocate the work space of an audit of the available closed forms.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
     signals = n + 4 * contacts + len(rows.kinks)
     z = np.zeros
     c = np.complex128
-    return Aloft(
+    return FlightAudit(
         forms=forms,
         flight=flight,
         checked=z(2, np.int64),
@@ -216,8 +216,8 @@ def extremes_known(rows: Rows) -> Array:
 
 
 class Stretch(NamedTuple):
-    """A flight: its closed form, when it begins, how long it lasts, in how many parts, how many
-    exponentials it has, and how long a Taylor series would last."""
+    """A flight: its closed form, its start and length, the number of its parts, the number of its
+    exponentials, and the length of a Taylor series."""
 
     slot: int
     t: float
@@ -228,7 +228,7 @@ class Stretch(NamedTuple):
 
 
 @compiled()
-def put_slow(a: Aloft, tau: float, omega: Array, y: Array) -> None:
+def put_slow(a: FlightAudit, tau: float, omega: Array, y: Array) -> None:
     """Put q at a time of the flight into a state."""
     for m in range(len(omega)):
         a.spin[m] = cmath.exp(1j * omega[m] * tau)
@@ -239,7 +239,7 @@ def put_slow(a: Aloft, tau: float, omega: Array, y: Array) -> None:
 
 
 @compiled()
-def slow_rate(a: Aloft, tau: float, omega: Array, r: int) -> float:
+def slow_rate(a: FlightAudit, tau: float, omega: Array, r: int) -> float:
     """q′ at a time of the flight, at which the drives are in the work space."""
     rate = a.ramp[r] + 2.0 * tau * a.bend[r]
     for m in range(len(omega)):
@@ -248,19 +248,21 @@ def slow_rate(a: Aloft, tau: float, omega: Array, r: int) -> float:
 
 
 @compiled()
-def put_fast(a: Aloft, form: ClosedForms, s: Stretch, tau: float) -> None:
+def put_fast(a: FlightAudit, form: ClosedForms, s: Stretch, tau: float) -> None:
     """Put the exponentials at a time of the flight into `z`."""
     for j in range(s.exponents):
         a.z[j] = a.r[j] * cmath.exp(form.exponent[j] * tau)
 
 
 @compiled()
-def put_state(a: Aloft, form: ClosedForms, s: Stretch, tau: float, omega: Array, y: Array) -> None:
+def put_state(
+    a: FlightAudit, form: ClosedForms, s: Stretch, tau: float, omega: Array, y: Array
+) -> None:
     """Put p at a time of the flight into a state.
 
     Parameters
     ----------
-    a : Aloft
+    a : FlightAudit
         Receives the exponentials.
     omega : array, shape (waves,)
     y : array, shape (n,)

@@ -11,7 +11,8 @@ from stickslip.translator import compiled
 
 @compiled(brief=True)
 def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
-    """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins.
+    """Whether the vector after an orthonormal basis is linearly independent of it; if so, it is
+    appended.
 
     Parameters
     ----------
@@ -25,6 +26,7 @@ def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
     size = 0.0
     for j in range(n):
         size += basis[rank, j] ** 2
+    # Twice: one pass of Gram–Schmidt leaves rounding errors relative to the removed part.
     for _ in range(2):
         for r in range(rank):
             dot = 0.0
@@ -44,11 +46,12 @@ def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
 
 @compiled()
 def solve_equations(system: Array, n: int) -> bool:
-    """Solve n equations, whose right side is the column behind them and becomes the solution; False
-    if a pivot vanishes beside its row."""
+    """Solve n equations, whose right-hand side is the column after them and becomes the solution;
+    False if a pivot vanishes relative to its row."""
     for k in range(n):
         best = k
         most = -1.0
+        # Pivots relative to their rows: equations of different units have no common scale.
         for i in range(k, n):
             size = 0.0
             for j in range(n):

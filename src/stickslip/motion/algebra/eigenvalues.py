@@ -379,7 +379,7 @@ def invert_basis(p: Eigenproblem, count: int) -> bool:
 
 @compiled()
 def refine_vectors(p: Eigenproblem, F: Array, members: Array, count: int) -> None:
-    """Correct eigenvalues and eigenvectors by what their residuals are in eigenvectors.
+    """Correct eigenvalues and eigenvectors by their residuals, expanded in the eigenvectors.
 
     Where some modes are much faster than others, rounding errors of the iteration are those of the
     fastest, and slow modes have parts of fast ones that residuals, row by row, tell.

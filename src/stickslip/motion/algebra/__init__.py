@@ -1,0 +1,1 @@
+"""Compiled linear algebra and polynomials: roots, orthonormal bases, eigenvalues."""
