@@ -126,7 +126,7 @@ def _curve(found: Fit, r: int, name: str, time: Array) -> tuple[Array, Array]:
         or there.sum() > _LINE
         or c.formula
         not in {
-            *motion._rows,
+            *motion.row_of,
             *motion.system.outputs,
         }
     ):

@@ -461,7 +461,7 @@ def _read(
     empty = _without_motion(system)
     columns = [str(c) for c in recording.table.columns]
     if observe is None:
-        known = {*empty._rows, *system.outputs, *(["t"] if recording.events else [])}
+        known = {*empty.row_of, *system.outputs, *(["t"] if recording.events else [])}
         clock = "" if recording.events else recording.clock
         observe = {
             name: name
@@ -473,7 +473,7 @@ def _read(
                 f"{recording.source}, observe",
                 f"no column has the name of a quantity of {system.name}",
                 f'Map columns to quantities, like {{"{_other(columns)}": '
-                f'"{next(iter(empty._rows))}"}}',
+                f'"{next(iter(empty.row_of))}"}}',
             )
     for name in noise:
         if name not in observe:

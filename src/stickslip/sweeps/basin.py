@@ -222,21 +222,7 @@ def basin(
 
         pool = Pool("threads", workers)
         interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
-    done = store.outcome.ravel() >= 0
-    label = np.full(done.size, _NOT_COMPUTED)
-    lacks = np.full(done.size, LACKING.index("result"))
-    reached = []
-    if np.any(done):
-        found = _settled(problem, store, done)
-        sizes = np.zeros(len(system.declaration.state))
-        for name, values in varying.items():
-            for x, slope in system.start_slope(name).items():
-                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
-        with watching():  # what is interrupted in it ends all of it
-            census = _Census(problem, found, sizes)
-        label[done], reached = census.label, census.reached
-        lacks[done] = found.lacking
-    data = _dataset(system, varying, label, reached, lacks, interrupted)
+    data = _classified(problem, store, varying, interrupted)
     return Basin(system, dict(problem.parameters), data)
 
 
@@ -254,6 +240,29 @@ def _contacts(problem: Problem) -> list[str]:
     named = {part: name for name, parts in problem.system.rubbing.items() for part in parts}
     members = problem.compiled.equations.members
     return [named.get(own[0].name, own[0].name) for own in members]
+
+
+def _classified(
+    problem: Problem, store: MapStore, varying: dict[str, Array], interrupted: bool
+) -> xarray.Dataset:
+    """The dataset of a basin: the attractor of each computed motion of a map."""
+    system = problem.system
+    done = store.outcome.ravel() >= 0
+    label = np.full(done.size, _NOT_COMPUTED)
+    lacks = np.full(done.size, LACKING.index("result"))
+    reached = []
+    if np.any(done):
+        found = _settled(problem, store, done)
+        # An unknown of a structure moves several states, each in proportion to its slope.
+        sizes = np.zeros(len(system.declaration.state))
+        for name, values in varying.items():
+            for x, slope in system.start_slope(name).items():
+                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
+        with watching():  # an interrupt ends the complete classification
+            census = _Census(problem, found, sizes)
+        label[done], reached = census.label, census.reached
+        lacks[done] = found.lacking
+    return _dataset(system, varying, label, reached, lacks, interrupted)
 
 
 def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:

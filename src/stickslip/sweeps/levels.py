@@ -167,7 +167,7 @@ class Level:
         h = cycle.harmonic[self.coordinate]
         value = np.array([cycle.parameters[self.parameter]])
         numbers = (
-            0.5 * float(np.ptp(cycle._visible_extrema[self.coordinate])),
+            0.5 * float(np.ptp(cycle.visible_extrema[self.coordinate])),
             abs(h),
             float(self.lags(np.angle([h]), value)[0]),
             cycle.stick_time / cycle.period,

@@ -119,29 +119,8 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    levels_given = [{level: value} for value in values] or [{}]
-
-    def at_first(name: str, text: str, formula: Expr) -> Level:
-        return Level(
-            system, parameter, (low, high), name, text, formula, {**fixed, **levels_given[0]}
-        )
-
-    def answers(name: str) -> None:
-        """Reject a quantity that does not repeat, or has no phase."""
-        _check_periodic(system, name)
-        at_first(name, *read_drive(system, name, drive)).check_phase()
-
-    at_first("", "", ex.ZERO).check_frequency()
-    with listing(answers):
-        with_output, followed = _followed(system, of)
-    text, formula = read_drive(with_output, followed, drive)
-    wanted = [
-        Level(with_output, parameter, (low, high), followed, text, formula, {**fixed, **one})
-        for one in levels_given
-    ]
-    for one in wanted:
-        one.check_frequency()
-        one.check_phase()
+    at_levels = [{**fixed, level: value} for value in values] or [fixed]
+    wanted = _posed(system, parameter, (low, high), at_levels, of, drive)
     found = list[Lines]()
     ended: BaseException | None = None
     what = f"a response of {system.name}"
@@ -157,6 +136,50 @@ def frequency_response(
             ended = why
     backbone = _backbone(level, found) if level else []
     return response_of(system, fixed, level, found, backbone, ended)
+
+
+def _posed(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    at_levels: list[dict[str, float]],
+    of: str | None,
+    drive: str | None,
+) -> list[Level]:
+    """The checked problem of each level.
+
+    Parameters
+    ----------
+    at_levels : list of dict
+        Values of the fixed parameters at each level.
+
+    Raises
+    ------
+    DeclarationError
+        If the quantity is not periodic or has no phase, or the period of the drives does not depend
+        on the parameter.
+    """
+
+    def at_first(name: str, text: str, formula: Expr) -> Level:
+        return Level(system, parameter, span, name, text, formula, at_levels[0])
+
+    def check_quantity(name: str) -> None:
+        """Reject a quantity that is not periodic, or has no phase."""
+        _check_periodic(system, name)
+        at_first(name, *read_drive(system, name, drive)).check_phase()
+
+    # The frequency is checked first: without it no quantity has a phase.
+    at_first("", "", ex.ZERO).check_frequency()
+    with listing(check_quantity):
+        with_output, followed = _followed(system, of)
+    text, formula = read_drive(with_output, followed, drive)
+    wanted = [
+        Level(with_output, parameter, span, followed, text, formula, values) for values in at_levels
+    ]
+    for one in wanted:
+        one.check_frequency()
+        one.check_phase()
+    return wanted
 
 
 def _followed(system: System, of: str | None) -> tuple[System, str]:
@@ -345,10 +368,10 @@ def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
     that are next to it."""
     found = list[Cycle]()
     where = branch.points[wanted.parameter].values
-    found += [branch._cycles[j] for j in np.flatnonzero(where == value).tolist()]
+    found += [branch.cycles[j] for j in np.flatnonzero(where == value).tolist()]
     for i in np.flatnonzero((where[:-1] - value) * (where[1:] - value) < 0.0).tolist():
         nearer = sorted((i, i + 1), key=lambda j: abs(where[j] - value))
-        for cycle in (branch._cycles[j] for j in nearer):
+        for cycle in (branch.cycles[j] for j in nearer):
             with suppress(ConvergenceError):
                 there = find_cycle(branch.system, cycle, parameters={wanted.parameter: value})
                 if any(i in pair for pair in _spans(wanted, branch, there)):
@@ -406,7 +429,7 @@ def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
     branch = max(branches, key=lambda b: float(b.points[amplitude].max()))
     where = branch.points[wanted.parameter].values
     top = int(np.argmax(branch.points[amplitude].values))
-    best = branch._cycles[top]
+    best = branch.cycles[top]
     low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
     if low < where[top] < high:
         with suppress(ConvergenceError):

@@ -60,7 +60,7 @@ class SampledMotion:
             part = slice(self.first, last + 1)
             time, state = time[part].copy(), state[part].copy()
             time[[0, -1]] = ends
-            state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
+            state[[0, -1]] = trajectory.states_at(ends, np.array([self.first, last - 1]))
         self.time = time
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.at_knots |= of_modes(trajectory.system.unknowns, self.at_knots)

@@ -513,7 +513,7 @@ class _Follower:
             special,
             ends,
             with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
-            _cycles=cycles,
+            cycles=cycles,
         )
 
     def _apart(self, found: list[_Station]) -> list[_Station]:

@@ -139,6 +139,8 @@ class Branch(Result):
         The largest value of every residual over its points and special points.
     second : str
         The other parameter of a curve in two parameters.
+    cycles : sequence of Cycle
+        The cycle at each point; empty for equilibria, and for a branch read from a file.
     """
 
     KIND: ClassVar[str] = "branch"
@@ -161,7 +163,7 @@ class Branch(Result):
     ends: tuple[Ending, Ending]
     certificate: Certificate
     second: str = ""
-    _cycles: Sequence[Cycle] = field(default=(), repr=False)
+    cycles: Sequence[Cycle] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         values = self.points[self.parameter].values
@@ -267,7 +269,7 @@ class Branch(Result):
     @classmethod
     def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
         """The points, which a branch otherwise computes on first access."""
-        return {"_table": lambda: data, "_cycles": ()}
+        return {"_table": lambda: data, "cycles": ()}
 
 
 def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:

@@ -141,7 +141,7 @@ def _where_rates_vanish(
         values = evaluated(moved, {**motion.parameters, "t": at}, len(at))
         return np.moveaxis(values.reshape(2, len(rests), -1), 2, 0)
 
-    states, added = motion._states_at(times, index), besides(times)
+    states, added = motion.states_at(times, index), besides(times)
     seen, slopes = states @ rows[:, 0] + added[:, 0], states @ rows[:, 1] + added[:, 1]
     low, high = np.min(seen, axis=0), np.max(seen, axis=0)
     # every turn of each of them, between two samples of a step
@@ -150,7 +150,7 @@ def _where_rates_vanish(
     a, b, f, g = times[at], times[at + 1], slopes[at, which], slopes[at + 1, which]
     for _ in range(_REFINED if len(at) else 0):
         middle = (a * g - b * f) / (g - f)
-        states, added = motion._states_at(middle, index[at]), besides(middle)
+        states, added = motion.states_at(middle, index[at]), besides(middle)
         more = added[np.arange(len(added)), :, which] if timed else added[0, :, which]
         value, h = np.einsum("tx,xkt->kt", states, rows[:, :, which]) + more.T
         np.minimum.at(low, which, value)
@@ -248,7 +248,7 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         found = _of_linear_pieces(motion, shift, order)
         if found is not None:
             return found
-    c, change = _wave(motion, motion._states_at, shift, order)
+    c, change = _wave(motion, motion.states_at, shift, order)
     return c, float(np.max(change))
 
 
@@ -338,7 +338,9 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     numbers = pieces.numbers(k.mode[steps], k.region[steps])
     # Steps of one piece, one after the other, are one.
-    changed = (np.diff(numbers) != 0) | (np.diff(steps) != 1) | np.isin(steps[1:], motion._leaps)
+    changed = (
+        (np.diff(numbers) != 0) | (np.diff(steps) != 1) | np.isin(steps[1:], motion.state_jumps)
+    )
     begins = np.r_[True, changed]
     firsts, lasts = steps[begins], steps[np.r_[begins[1:], True]]
     for i, j, number in zip(firsts, lasts + 1, numbers[begins].tolist(), strict=True):

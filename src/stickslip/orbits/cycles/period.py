@@ -88,7 +88,7 @@ def _turning_points(closed: Closed) -> int:
     shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _SAMPLES, endpoint=False, axis=1).ravel()
-    states = closed.orbit.motion._states_at(times, np.repeat(steps, _SAMPLES))
+    states = closed.orbit.motion.states_at(times, np.repeat(steps, _SAMPLES))
     home = (
         states - np.outer((times - k.time[0]) / closed.orbit.period, shift)
     ) / closed.shooting.setting.sizes

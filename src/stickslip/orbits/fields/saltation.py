@@ -141,7 +141,7 @@ def saltation(
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
-        jump = int(np.flatnonzero(motion._switches.jumped[event.knot - 1])[0])
+        jump = int(np.flatnonzero(motion.switches.jumped[event.knot - 1])[0])
         found = _jump_map(equations, left, jump)(t, y, p)
     else:
         near = _near(equations, left, (t, y, p), contact)

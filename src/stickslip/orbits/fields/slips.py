@@ -124,7 +124,7 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     if left <= _RESOLVED * max(abs(end), abs(k.origin)):
         return float(k.time[knot - 1]), k.state[knot - 1]
     parts = np.array([1 / 32, 1 / 64, 1 / 128])
-    states = motion._states_at(end - parts * left + k.origin, np.full(3, knot - 1))
+    states = motion.states_at(end - parts * left + k.origin, np.full(3, knot - 1))
     rates = (states - k.state[knot]) / (parts * left)[:, None]
     # by a parabola in the time that is left
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
@@ -442,4 +442,4 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     alone = Knots.single(float(k.clock[knot]), k.state[knot], mode, region, k.origin)
     time = float(k.time[knot])
     part = Trajectory(motion.problem, (time, time), alone, motion.outcome)
-    return part._retraced.rows(alone.clock, np.array([0]))[0][motion.problem.rows.program.rates]
+    return part.dense_output.rows(alone.clock, np.array([0]))[0][motion.problem.rows.program.rates]

@@ -190,7 +190,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, 
     after[0] = first
     return Pass(
         k.record,
-        trajectory._retraced.seen,
+        trajectory.dense_output.seen,
         float(k.origin),
         float(np.max(np.abs(trajectory.problem.constants.omega), initial=0.0)),
         modal,

@@ -240,7 +240,7 @@ def restarted(
         New units of the state.
     """
     begin = best_start(shooting, orbit)
-    y = orbit.motion._states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
+    y = orbit.motion.states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
         0, : len(orbit.shift)
     ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
@@ -256,7 +256,7 @@ def restarted(
     ]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
-        state = motion._states_at(np.array([t]), np.array([i]))[0]
+        state = motion.states_at(np.array([t]), np.array([i]))[0]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
@@ -321,7 +321,7 @@ class Closed:
         time = motion.knots.time
         times = time[0] + part * self.orbit.period
         steps = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
-        return motion._states_at(times, steps) - np.outer(part, self.orbit.shift)
+        return motion.states_at(times, steps) - np.outer(part, self.orbit.shift)
 
     @property
     def extent(self) -> float:
@@ -352,7 +352,7 @@ class Closed:
         begin = float(motion.knots.time[0])
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
-        states = motion._states_at(times, steps)
+        states = motion.states_at(times, steps)
         return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 

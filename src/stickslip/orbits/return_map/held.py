@@ -120,7 +120,7 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
     _, t, i, j = min(found, key=lambda entry: entry[0])
     motion, change = legs[j]
     piece = change.pieces[i]
-    y = motion._states_at(np.array([t]), np.array([i]))[0]
+    y = motion.states_at(np.array([t]), np.array([i]))[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     here, (row, other) = piece.leave(t, y, p), _guards(held, piece)
     both = float(here.value[row] + here.value[other])
@@ -151,7 +151,7 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     def value(t: Array, i: int) -> Array:
         piece = change.pieces[i]
         times = np.atleast_1d(t)
-        states = motion._states_at(times, np.full(len(times), i))
+        states = motion.states_at(times, np.full(len(times), i))
         row, other = _guards(held, piece)
         guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
         return guards[row] / (guards[row] + guards[other])

@@ -47,7 +47,7 @@ def sequence(motion: Trajectory) -> Sequence:
     """
     k = motion.knots
     found = [(a, _phase(k.mode[a], k.region[a]), -1) for a, _ in segments(motion)]
-    for i in motion._leaps:
+    for i in motion.state_jumps:
         switch = int(k.cause[i])
         contact = switch - k.region.shape[1]
         mode, region = k.mode[i - 1].copy(), k.region[i - 1].copy()
@@ -273,7 +273,7 @@ def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
     h = length[step] / number[step]
     times = (time[step] + place * h)[:, None] + h[:, None] * NODES
     index = np.repeat(step, len(NODES))
-    return Looks(index, times.ravel(), motion._states_at(times.ravel(), index))
+    return Looks(index, times.ravel(), motion.states_at(times.ravel(), index))
 
 
 def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Looks) -> list[Dip]:
@@ -326,7 +326,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     def at(row: int, i: int) -> Dip:
         def guard(t: float) -> float:
             knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-            y = motion._states_at(np.array([t]), np.array([knot]))[0]
+            y = motion.states_at(np.array([t]), np.array([knot]))[0]
             return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
         around = slice(i - 1, i + 2)

@@ -138,7 +138,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     before = np.repeat(np.cumsum(points) - points, points)
     share = (np.arange(len(index)) - before) / (np.repeat(points, points) - 1)
     times = (1.0 - share) * k.time[index] + share * k.time[index + 1]
-    states = trajectory._states_at(times, index)
+    states = trajectory.states_at(times, index)
     made = [every[i] for i in index]
     felt = _felt(trajectory, every, steps, p)
     around = Surroundings(made, times, states, _sizes(trajectory, states, states, felt))
@@ -166,7 +166,7 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     n = len(shift)
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _POINTS, axis=1).ravel()
-    states = motion._states_at(times, np.repeat(steps, _POINTS))
+    states = motion.states_at(times, np.repeat(steps, _POINTS))
     period = k.time[-1] - k.time[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
@@ -260,7 +260,7 @@ def segments(motion: Trajectory) -> list[tuple[int, int]]:
     knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
-    changed[motion._leaps - 1] = True
+    changed[motion.state_jumps - 1] = True
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
     return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]
@@ -331,7 +331,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     times, steps = _strobe(w, t, sign) if w.symmetry.driven else _passages(w, t, y, here, sign)
     if len(times) == 0:
         return []
-    states = w.trajectory._states_at(np.asarray(times), np.asarray(steps))
+    states = w.trajectory.states_at(np.asarray(times), np.asarray(steps))
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.apart(gap, times - t), axis=1)
@@ -358,7 +358,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
 
 
 def _state(w: Window, t: float, step: int) -> Array:
-    return w.trajectory._states_at(np.array([t]), np.array([step]))[0]
+    return w.trajectory.states_at(np.array([t]), np.array([step]))[0]
 
 
 def _strobe(w: Window, t: float, sign: float) -> tuple[Array, Array]:
@@ -399,7 +399,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     hb = h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
-        at = w.trajectory._states_at(middle, w.index[found])
+        at = w.trajectory.states_at(middle, w.index[found])
         hm = height(at, middle)
         below = hm <= 0.0
         a, ha = np.where(below, middle, a), np.where(below, hm, ha)

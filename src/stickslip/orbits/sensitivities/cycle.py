@@ -180,10 +180,10 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
 
     def component(j: int) -> Traced:
         def values(clock: Array, index: Array) -> Array:
-            return motion._states_at(clock + k.origin, index)[:, j]
+            return motion.states_at(clock + k.origin, index)[:, j]
 
         def rate(clock: float, step: int) -> float:
-            return float(motion._retraced.rows(np.array([clock]), np.array([step]))[0, rows[j]])
+            return float(motion.dense_output.rows(np.array([clock]), np.array([step]))[0, rows[j]])
 
         return Traced(values, rate, lambda clock, step: unit[j])
 

@@ -93,7 +93,7 @@ def until(motion: Trajectory, knot: int) -> Trajectory:
     k = motion.knots
     parts = k.first(knot + 1)
     state = parts.state.copy()
-    state[-1] = motion._states_at(k.time[[knot]], np.array([knot - 1]))[0]
+    state[-1] = motion.states_at(k.time[[knot]], np.array([knot - 1]))[0]
     mode, region, cause = (part.copy() for part in (parts.mode, parts.region, parts.cause))
     mode[-1], region[-1], cause[-1] = mode[-2], region[-2], -1
     knots = Knots(parts.clock, state, mode, region, cause, k.origin)

@@ -133,7 +133,7 @@ class _Changing:
         """A quantity at a time since the origin, in a step: its value, its derivatives by (state,
         parameter), and its rate."""
         k = self.motion.knots
-        y = self.motion._retraced.states(np.array([clock]), np.array([step]))[0]
+        y = self.motion.dense_output.states(np.array([clock]), np.array([step]))[0]
         t = clock + k.origin
         piece = self.pieces(k.mode[step], k.region[step])
         where = np.array([t]), np.ascontiguousarray(y[:, None])
@@ -305,7 +305,7 @@ class _Changing:
         """Energy that the declared jumps of the state supply, each that gains."""
         k = self.motion.knots
         energy = self.observed("energy")
-        leaps = np.flatnonzero(np.any(self.motion._switches.jumped, axis=1))
+        leaps = np.flatnonzero(np.any(self.motion.switches.jumped, axis=1))
         for knot in (leaps + 1).tolist():
             clock = float(k.clock[knot])
             late = float(np.nan_to_num(self.varied.late[knot, 0]))

@@ -192,7 +192,7 @@ class Amplitudes:
             count = max(_SAMPLED, _IN_STEP * len(knots.time))
             times = np.linspace(knots.time[0], knots.time[-1], count + 1)
             steps = np.searchsorted(knots.time, times, side="right") - 1
-            states = motion._states_at(times, np.clip(steps, 0, len(knots.time) - 2))
+            states = motion.states_at(times, np.clip(steps, 0, len(knots.time) - 2))
             n = len(self.mode.shape)
             rates = states[:-1, n : 2 * n]
             twice = np.einsum("ti,ij,tj->t", rates, self.mode.mass, rates)
@@ -207,7 +207,7 @@ class Amplitudes:
         inside = [s for t, s in middles if 0.5 * period <= t <= 1.6 * period]
         t = station_time(k, self.pieces, inside) if inside else 0.75 * period
         step = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-        state = motion._states_at(np.array([t]), np.array([step]))[0]
+        state = motion.states_at(np.array([t]), np.array([step]))[0]
         w = window(motion, self.pieces)
         found = Recurrence(0.0, state, period, 1, np.zeros(len(state)), 0.0)
         return near(problem, self.pieces, w, found)

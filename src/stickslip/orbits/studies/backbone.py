@@ -270,13 +270,7 @@ def backbone(
     [1.414, 1.414, 1.226, 1.049, 1.009]
     """
     values = checked_values(system, parameters)
-    low, high = amplitudes
-    if not 0.0 < low < high < np.inf:
-        raise DeclarationError(
-            "amplitudes", f"({low:g}, {high:g}) is not a range of amplitudes", "Give 0 < low < high"
-        )
-    if isinstance(points, bool) or points < 2:
-        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
+    wanted = _spaced(amplitudes, points)
     excited = self_excited(system, values)
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
@@ -295,7 +289,6 @@ def backbone(
 
     with listing(moved):
         seeker = Amplitudes(excited, values, chosen, moved(of))
-    wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
     with limited(time_limit, f"a backbone of {system.name}") as scope, watched("backbone") as show:
@@ -305,23 +298,41 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
-    if not work.kept and (chosen.overdamped or work.found):
-        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped and i != mode]
-        known = [one.damping for one in work.found.values()] or [chosen.damping]
-        remedies = ["choose larger amplitudes if the system hardens", "reduce the damping"]
-        remedies[:0] = [f"choose one of the modes {', '.join(others)}"] if others else []
-        raise DeclarationError(
-            "mode",
-            f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
-            f"oscillations and at least {min(known):.6g} at the amplitudes found, so it does not "
-            "oscillate and has no backbone there",
-            ", or ".join(remedies).capitalize(),
-        )
     if not work.kept:
+        if chosen.overdamped or work.found:
+            raise _overdamped(modes, mode, work)
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
     return _result(system, values, mode, work, ended)
+
+
+def _spaced(amplitudes: tuple[float, float], points: int) -> Array:
+    """Amplitudes in geometric progression over the requested range, shape (points,)."""
+    low, high = amplitudes
+    if not 0.0 < low < high < np.inf:
+        raise DeclarationError(
+            "amplitudes", f"({low:g}, {high:g}) is not a range of amplitudes", "Give 0 < low < high"
+        )
+    if isinstance(points, bool) or points < 2:
+        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
+    return np.geomspace(low, high, points)
+
+
+def _overdamped(modes: list[LinearMode], mode: int, work: _Work) -> DeclarationError:
+    """The error for a mode that is overdamped at all amplitudes, with the modes that oscillate."""
+    chosen = modes[mode - 1]
+    others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped and i != mode]
+    known = [one.damping for one in work.found.values()] or [chosen.damping]
+    remedies = ["choose larger amplitudes if the system hardens", "reduce the damping"]
+    remedies[:0] = [f"choose one of the modes {', '.join(others)}"] if others else []
+    return DeclarationError(
+        "mode",
+        f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
+        f"oscillations and at least {min(known):.6g} at the amplitudes found, so it does not "
+        "oscillate and has no backbone there",
+        ", or ".join(remedies).capitalize(),
+    )
 
 
 class _Work:

@@ -378,7 +378,7 @@ def _dataset(trace: SwingTrace, name: str, turns: TurningPoints) -> xarray.Datas
         index = np.searchsorted(k.clock, clock, side="right") - 1
         return np.clip(index, 0, len(k.clock) - 1)
 
-    there = motion._values(turns.clock, steps(turns.clock))
+    there = motion.values_at(turns.clock, steps(turns.clock))
     duration = np.diff(turns.clock)
     amplitude = 0.5 * np.abs(np.diff(turns.position))
     decrement = np.full(len(amplitude), np.nan)
