@@ -70,7 +70,7 @@ class _Found(Exception):
 
 
 class Outgrown(StickslipError):
-    """The unknowns no longer suit the curve: it goes on in others."""
+    """The coordinates no longer suit the curve; it continues in others."""
 
 
 def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float) -> Array:
@@ -326,7 +326,7 @@ class _Tracer:
         return None, min(step * max(wider, 0.5), self.steps.largest)
 
     def _left_at_once(self, last: Point) -> str:
-        """The limit that a point stands on and is about to leave."""
+        """The limit at which a point is, and which the next step would cross."""
         for name, limit in self.limits.items():
             speed = limit.side * last.tangent[limit.component]
             if limit.room(last.x) <= 0.0 and speed > 0.0:
@@ -334,7 +334,8 @@ class _Tracer:
         return ""
 
     def _within(self, path: Path, step: float) -> tuple[Point, str]:
-        """The next point, and the limit that it stands on, if a step leads there or beyond."""
+        """The next point, and the limit that the step reaches, if any; the step is then shortened
+        to the limit."""
         last = path.points[-1]
         near = (last, path.points[-2]) if len(path.points) > 1 else None
         ahead = [

@@ -278,14 +278,13 @@ def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
 
 
 def with_special(points: Certificate, special: Sequence[SpecialPoint]) -> Certificate:
-    """The certificate of a branch: that of its points, with what is left of the equations of its
-    special points."""
+    """Certificate of a branch: residuals of its points and of its special points."""
     own = worst([Certificate(_named(s)) for s in special])
     return replace(points, residuals=(*points.residuals, *own.residuals))
 
 
 def _named(point: SpecialPoint) -> tuple[Residual, ...]:
-    """The residuals of a special point under names that say of which."""
+    """Residuals of a special point, named after it."""
     where = f"at {point.parameter} = {point.value:.9g}"
     return tuple(
         replace(r, name=f"{point.kind}: {r.name}", note=", ".join(filter(None, (where, r.note))))

@@ -1,8 +1,8 @@
 """The certificate of a cycle.
 
-The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry
-comes back as it was, what sticks forgets how it came there; and neighbours that are really followed
-do what the multipliers say.
+The motion satisfies its equations, closes, moves, and does not close earlier. Directions of
+symmetry have multipliers 1 and directions lost in stick multipliers 0, and simulated neighbouring
+motions agree with the multipliers.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def _found(
 
 
 def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
-    """State vector of what was given."""
+    """State vector of the given start."""
     names = problem.system.declaration.state
     if start is None or isinstance(start, Mapping):
         return problem.initial_state(start or {})

@@ -135,14 +135,14 @@ def _extrapolated(
 
 
 def accepted(shooting: Shooting, x: Array) -> Closed:
-    """Close a cycle and see that it is the one that was meant, isolated, once around.
+    """Close a cycle and check that it is the requested one, isolated, and traversed once.
 
     Raises
     ------
     Family
-        If it belongs to a family, or the motion creeps towards the edge of one.
+        If the cycle belongs to a family, or the motion converges slowly to the boundary of one.
     ConvergenceError
-        If it does not close, or closes elsewhere.
+        If Newton's method does not converge, or converges elsewhere.
     """
     try:
         closed = converge(shooting, x)
@@ -181,7 +181,7 @@ def from_motion(motion: Trajectory) -> Closed:
 
 
 def repels(closed: Closed) -> bool:
-    """Whether no motion settles on a cycle."""
+    """Whether a cycle is unstable."""
     return bool(np.any(np.abs(closed.spectrum.others) > 1.0 + _REPELS))
 
 
@@ -240,7 +240,7 @@ def _first_look(problem: Problem) -> float:
 
 
 class _Search:
-    """The cycle beside a state, or that the motion from there settles on."""
+    """Search for the cycle near a state, or the limit cycle of the motion from it."""
 
     def __init__(self, problem: Problem, state: Array, time: float) -> None:
         self.problem = problem
@@ -301,7 +301,7 @@ class _Search:
         return fate, w
 
     def _beside(self, w: Window) -> Closed | None:
-        """The cycle, stable or not, that the motion starts beside."""
+        """The cycle, stable or not, near the start of the motion."""
         for recurrence in earliest(w):
             if recurrence.distance <= _NEARBY:
                 closed = self._try(w, recurrence)
@@ -314,13 +314,13 @@ class _Search:
         return None
 
     def _tried(self, w: Window, found: Sequence[Recurrence]) -> Closed | None:
-        """The first cycle at some recurrences that does not repel: what repels only came near by
-        chance.
+        """The first cycle at some recurrences that is not unstable: a motion that returns near an
+        unstable cycle does so by chance.
 
         Raises
         ------
         Family
-            If the motion has settled on one of a family.
+            If the motion has settled on a cycle of a family.
         """
         for recurrence in found:
             closed = self._try(w, recurrence)
@@ -339,12 +339,13 @@ class _Search:
             return None
 
     def _nearest(self, fate: Settled, first: Window) -> Closed:
-        """The cycle near a motion that has not settled in its time, if it comes back nearly.
+        """The cycle near a motion that has not settled within its time, if the motion nearly
+        returns.
 
         Raises
         ------
         ConvergenceError
-            If it does not; the message says what was seen.
+            If it does not; the message reports the observations.
         """
         w = self._window(fate.time, fate.state, LAST_SPANS * self.span)
         if not w.trajectory.outcome.ok:

@@ -165,8 +165,8 @@ def _where_rates_vanish(
 def _closed_in_on(
     motion: Trajectory, formulas: Mapping[str, Expr], times: Array, index: Array
 ) -> Extremes:
-    """Extremes of any formulas: at samples, and around those beside which there may be lower
-    (higher) values, whose surroundings are cut until they are straight."""
+    """Extremes of any formulas: at samples, and in the neighbourhoods of samples that may contain
+    lower (higher) values, which are bisected until the formulas are linear in them."""
     along = Along(motion, [*formulas.values()])
     seen = along(times, index)
     size = np.maximum(np.max(np.abs(seen), axis=0), TINIEST)
@@ -255,8 +255,8 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
 def harmonics_of(
     motion: Trajectory, formulas: Mapping[str, Expr], of_state: Mapping[str, complex], order: int
 ) -> tuple[dict[str, complex], dict[str, float]]:
-    """The same of formulas, from those of the state, and by how much the last halving has changed
-    what does not follow from these.
+    """First harmonics of formulas, from those of the state where linear, and the change of the
+    remaining part by the last halving of the panels.
 
     Parameters
     ----------
@@ -382,8 +382,8 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
 
 
 def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
-    """The mean of a formula over a period, (1/T) ∫ f dt, and by how much the last halving of the
-    panels has changed it, relative to the largest value.
+    """The mean of a formula over a period, (1/T) ∫ f dt, and its change by the last halving of the
+    panels, relative to the largest value.
 
     Parameters
     ----------

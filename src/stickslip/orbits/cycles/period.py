@@ -43,8 +43,7 @@ def shorter(closed: Closed) -> dict[int, float]:
 
 
 def same(closed: Closed) -> float:
-    """Misses below this are none: they are not larger than what the state of the cycle is known
-    to."""
+    """Distance below which states are equal: the accuracy of the state of the cycle."""
     missed = closed.shooting.miss(closed.orbit)
     least = flattest(closed.shooting, closed.orbit)[0]
     return max(_SAME, _FLOOR * missed, ratio(_KNOWN * missed, least))
