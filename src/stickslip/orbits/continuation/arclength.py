@@ -1,9 +1,9 @@
 """Curves F(x) = 0 of one dimension, followed by pseudo-arclength: predictor, corrector, step
 control, special points.
 
-Nothing here knows what x is: equilibria, cycles and the curves of their special points in two
-parameters are all followed by :func:`trace`. Lengths are measured in units that the caller gives
-for every component of x, so that a step means the same for a force, a temperature and a parameter.
+The code is independent of the meaning of x: :func:`trace` follows equilibria, cycles and the curves
+of their special points in two parameters. The caller supplies a unit for every component of x, so
+that step lengths are comparable for forces, temperatures and parameters.
 
 References
 ----------
@@ -144,14 +144,14 @@ def trace(
         Test functions that are positive on the curve and end it where they vanish, with the reason
         in words.
     limits : mapping of str to Limit, optional
-        Ends of the ranges of components, by the reason they give. The curve stops exactly there,
-        and the equations are not asked beyond but for what Newton's method and differences take.
+        Bounds of components, by the text of the ending. The curve stops exactly there; beyond, the
+        equations are evaluated only by Newton's method and for differences.
     accept : function, optional
         (last, new) ↦ None; raises any of :data:`NOT_DEFINED` if the new point solves the equations
         and is still not on the curve.
     breaks : function, optional
         (last, new) ↦ the breaks between two points, in the order of travel. Zeros of test functions
-        are looked for on every smooth part of its own.
+        are searched on every smooth part separately.
     steps : StepControl, optional
     progress : function, optional
         Called with each point, the first one included, in the order of travel.
@@ -159,7 +159,7 @@ def trace(
     Returns
     -------
     Path
-        Always; what was computed is kept, whatever ended it.
+        The points computed until the end, whatever its reason.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""From a state, a motion or another cycle to the nearby cycle, or to the cycle to which the motion
-converges.
+"""Search for the cycle near a state, a motion or another cycle, or for the limit cycle of the
+motion.
 
-A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as every point of a
-map is; Newton's method then closes the cycle. That it rests is said where it is proved. What is
-said of a motion that has not settled in its time is what was seen: how nearly it comes back, and,
-if it is irregular, its largest Lyapunov exponent.
+A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as at every point of a
+map; Newton's method then closes the cycle. Rest is reported only if it is proved. For a motion that
+has not settled within its time, the message reports its closest return and, if it is irregular, its
+largest Lyapunov exponent.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Measures of quantities over a period: extremes, first harmonics, means.
 
-Quantities that are linear in the state with constant coefficients, as unknowns of structures are,
-follow from the state alone: their harmonics are sums of those of the state, and where inertial
-coordinates make them, they turn where their rates, which are states, pass through zero. Anything
-else is a formula that is computed along the motion: extremes are closed in on between samples,
-harmonics and means are integrals by Gauss quadrature whose panels are halved until that changes
-nothing. What turns twice between two samples may be missed.
+Quantities that are linear in the state with constant coefficients, such as unknowns of structures,
+follow from the state alone: their harmonics are sums of those of the state. If they are
+combinations of inertial coordinates, their extremes are at zeros of their rates, which are states.
+All other formulas are evaluated along the motion: extremes are bracketed between samples, harmonics
+and means are integrated by Gauss quadrature whose panels are halved until the result converges. A
+formula with two extremes between two samples may be missed.
 """
 
 from __future__ import annotations
@@ -443,10 +443,11 @@ def _averaged(
     order: int,
     kinks: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """(1/T) ∫ f w dt over a period, and by how much the last halving of the panels has changed it,
-    relative to the largest |f|; no numbers of what is undefined somewhere.
+    """(1/T) ∫ f w dt over a period, and its change by the last halving of the panels, relative to
+    the largest |f|; NaN for functions that are undefined somewhere.
 
-    Gauss quadrature on the steps, each cut into panels until half as long ones change nothing.
+    Gauss quadrature on the steps, each divided into panels that are halved until the result
+    converges.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class Enclosures(NamedTuple):
     low, high : array, shape (m, N)
     slope_low, slope_high : array, shape (m, k, N)
     at_centre, at_centre_low : array, shape (m, N)
-        Upper and lower bounds at the centres; infinite where slopes say nothing of a box.
+        Upper and lower bounds at the centres; infinite if slopes give no bound on a box.
     """
 
     low: Array
@@ -176,18 +176,18 @@ def enclosed(
 
 
 def times_way(slope: Array, way: Array) -> Array:
-    """Slopes times ways, where nothing times infinity is nothing."""
+    """Products of slopes and distances, with 0 · ∞ = 0."""
     return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
 
 
 def touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes meet."""
+    """Whether two boxes intersect."""
     pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
     return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
 
 
 def is_within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
-    """Whether a state is in a box, or on its edge up to rounding."""
+    """Whether a state is in a box, or on its boundary up to rounding."""
     return all(
         low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
         for x, (low, high) in extent.items()

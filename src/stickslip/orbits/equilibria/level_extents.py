@@ -85,7 +85,7 @@ class _Extents:
         return (self.sign * middle).reshape(shape) + 0.0, gap.reshape(shape)
 
     def _goal(self) -> Enclosures:
-        """On each box, the expression of its task, with the sign: the row that is asked for."""
+        """Signed expression of the task of each box."""
         found = enclosed(self.expressions, self.of, self.low, self.high)
         which, every = self.which[self.task], np.arange(len(self.task))
         up = self.sign[self.task] > 0.0

@@ -1,6 +1,6 @@
 """Conditions of rest, reduced to as few unknowns as possible.
 
-Equations that are linear in an unknown, with a coefficient that is nowhere zero, are solved for it:
+Equations that are linear in an unknown, with a coefficient that has no zeros, are solved for it,
 forces first. Forces that remain, because more contacts stick than there are directions, are
 eliminated from the inequalities by Fourier–Motzkin elimination. Translations that leave the system
 unchanged are removed by fixing one state for each.

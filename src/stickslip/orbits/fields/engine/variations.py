@@ -120,11 +120,11 @@ def vary(
     Returns
     -------
     int
-        `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
-        state jumps (of both the caller has to say what comes after it, and to go on from there),
-        `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
-        has to be room as the event, `SPECTRUM_ASKED` with the piece whose eigenvalues are wanted,
-        or `HALTED` if a stop is requested.
+        `PASSED`; `CORNER` if guards vanish together that do not for neighbouring motions; `STRUCK`
+        if the state jumps (for both, the caller supplies the variation after the event, and resumes
+        from there); `UNEXPLAINED` if no guard has fired; `CROWDED`, with the required number of
+        nodes as the event; `SPECTRUM_ASKED`, with the piece whose eigenvalues are needed; or
+        `HALTED` if a stop is requested.
     """
     if start == 0:
         nodes = resolve_steps(flow.rows, listed, run, work)
