@@ -94,8 +94,8 @@ def extent_of(closed: Closed, parameter: str, span: tuple[float, float]) -> Exte
 
 
 def _periods(closed: Closed, parameter: str, span: tuple[float, float]) -> list[float]:
-    """Periods of the drives at the ends of a range, multiplied as in the cycle; without ends at
-    which the drives are constant."""
+    """Periods of the driven cycle at the ends of a range, without ends at which the drives are
+    constant."""
     setting = closed.shooting.setting
     found = list[float]()
     if setting.clock is None:

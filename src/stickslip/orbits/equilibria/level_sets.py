@@ -292,8 +292,8 @@ class _Covering:
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
 
     def _uphill(self, found: Enclosures, unsure: Array, width: Array) -> Array:
-        """A direction in each box, in units of its widths, in which all undecided conditions
-        increase: the bisector of their slopes; 0 if there is none."""
+        """A direction in each box, in units of its widths, in which undecided conditions increase:
+        the sum of their normalised slopes; 0 if there is none."""
         slope = np.where(unsure[:, None], (0.5 * found.slope_low + 0.5 * found.slope_high), 0.0)
         slope = np.where(slope == 0.0, 0.0, slope * width)
         size = np.linalg.norm(slope, axis=1, keepdims=True)

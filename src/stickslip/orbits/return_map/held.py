@@ -1,9 +1,9 @@
 """Positions of contacts that stick throughout a cycle.
 
-Such a contact comes back to where it was by itself. There is a cycle for every position in which
-the thresholds hold it all the time, and the one that belongs to a given position is meant. Where a
-parameter changes so far that a threshold no longer holds it there, the contact is carried along
-that edge: it rests where it is just held.
+Such a contact returns trivially. There is a cycle for every position at which the thresholds hold
+it throughout; the cycle of a given position is computed. If a parameter changes so far that a
+threshold no longer holds the contact there, it is carried along at the edge: it rests at the last
+position at which it is held.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ class Touch:
 
 
 def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Held, ...]:
-    """The independent positions that contacts keep in a motion because they stick; what was on an
-    edge stays there."""
+    """The independent positions of contacts that stick throughout a motion; contacts on an edge
+    stay there."""
     k = motion.knots
     equations = motion.problem.compiled.equations
     state = equations.declaration.state
@@ -103,7 +103,7 @@ def same_held(a: Sequence[Held], b: Sequence[Held]) -> bool:
 
 
 def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
-    """Whether a contact slips in some motions."""
+    """Whether a contact slips in any of the motions."""
     return any(
         bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions
     )

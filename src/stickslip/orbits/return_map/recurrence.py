@@ -104,21 +104,21 @@ class Window:
         return self.at_home(home if e is None else home + np.multiply.outer(times, e), times)
 
     def carried(self, states: Array, times: Array) -> Array:
-        """States without what a load that moves has carried them along; shape (…, n)."""
+        """States without the displacement by a moving load; shape (…, n)."""
         driven = self.symmetry.frame is None
         period = self.period
         velocity = self.symmetry.turn / period if driven and period else np.zeros(len(self.sizes))
         return states - np.multiply.outer(times, velocity)
 
     def extent(self, modulus: Array) -> float:
-        """Largest range of a component relative to a modulus: 0 if nothing moves but along
+        """Largest range of a component relative to a modulus: 0 if there is no motion except along
         translations."""
         home = self.at_home(self.carried(self.states, self.times), self.times)
         return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
 def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
-    """Sample a motion from a knot on, and see what leaves its system unchanged.
+    """Sample a motion from a knot on, and compute the symmetry of its system.
 
     Raises
     ------
@@ -159,8 +159,9 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
 def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     """Half the range of each component over a period, up to drift.
 
-    A component that hardly moves (a symmetry may keep it at 0) is given a small part of what the
-    others could do to it in a period, or before it forgets it: its own range would be rounding.
+    A component that hardly moves (a symmetry may keep it at 0) has a small fraction of the size
+    that the others could cause in a period, or within its relaxation time, since its range would be
+    rounding error.
     """
     k = motion.knots
     n = len(shift)
@@ -178,8 +179,8 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
 
 
 def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
-    """How the rates, guards and constraints of each piece of a motion depend on the state, at most;
-    (functions, n)."""
+    """Largest slopes of the rates, guards and constraints of each piece of a motion with respect to
+    the state; shape (functions, n)."""
     k = motion.knots
     found = []
     for piece in dict.fromkeys(made[i] for i in steps):
@@ -190,8 +191,8 @@ def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list
 
 
 def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) -> Array:
-    """Half the range of each component; of one that does not move, what is felt as much as the
-    motion of the others."""
+    """Half the range of each component; for one that does not move, the change with the same effect
+    as the motion of the others."""
     spread = 0.5 * np.ptp(moving, axis=0)
     modulus = np.max(np.abs(states), axis=0)
     still = _STILL * np.where(modulus > 0.0, modulus, 1.0)

@@ -38,8 +38,8 @@ class Traced(NamedTuple):
 
 
 class _Extreme(NamedTuple):
-    """Where a quantity is least, or largest: the time since the origin, and the knot that it is at
-    (−1: none), from the left or not; and the step on that side."""
+    """The place of an extreme: the time since the origin, the knot (−1: none), whether it is a
+    limit from the left, and the step on that side."""
 
     clock: float
     knot: int
@@ -89,7 +89,7 @@ def slopes_of_extremes(
 
 
 def until(motion: Trajectory, knot: int) -> Trajectory:
-    """A motion up to a knot, without what happens there."""
+    """A motion up to a knot, before the event there."""
     k = motion.knots
     parts = k.first(knot + 1)
     state = parts.state.copy()

@@ -59,7 +59,7 @@ class Sensitivity:
     slopes : array, shape (quantities, times, names)
         Their derivatives; NaN after a time at which there is none.
     knots : array of int, shape (switches,)
-        Knots of the motion at which something switches.
+        Knots of the motion at which a mode or region switches.
     switches : array, shape (switches, names)
         Derivatives of the times of these switches.
     missing : tuple of (float, str)
@@ -188,7 +188,8 @@ def sensitivities(
 
 
 class Followed(NamedTuple):
-    """The first variation along a motion, and the times at which there is none, with reasons."""
+    """The first variation along a motion, and the times at which it does not exist, with
+    reasons."""
 
     variation: Variation
     missing: list[tuple[float, str]]

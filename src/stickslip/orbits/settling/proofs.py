@@ -1,17 +1,17 @@
 """Proofs about motions without further events, on the host, for many motions at once.
 
-*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that
-is excited grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever:
-what dies out can be left out at once, and what remains is rest, steady sliding or the answer to a
-drive. What neither grows nor dies out is undamped.
+*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If no excited
+term grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts forever: the
+decaying terms can be omitted, and the remaining motion is rest, steady sliding or the response to a
+drive. A term that neither grows nor decays is undamped.
 
-*In any other mode* that does not depend on time, or in an affine one whose guards do vanish again
-and again without effect (a contact without friction), a motion whose rates have died out is near an
-equilibrium of its mode. It ends there if it cannot leave
+*In any other mode* that does not depend on time, or in an affine one with repeated zeros of guards
+that have no effect (a contact without friction), a motion whose rates have vanished is near an
+equilibrium of its mode. It converges there if it cannot leave
 (:mod:`stickslip.orbits.settling.resting`).
 
-Both are proofs up to rounding; both are sufficient, not necessary. Where they fail, a motion goes
-on; when its time is up, it has not settled.
+Both are proofs up to rounding, and both are sufficient, not necessary. If they fail, the motion
+continues; at the end of its time, it has not settled.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ class Fates(NamedTuple):
     Attributes
     ----------
     outcome : array of int, shape (motions,)
-        NOTHING where it is not known.
+        NOTHING if unknown.
     limit : array, shape (motions, n)
-        The state without what dies out.
+        The state without decaying terms.
     """
 
     outcome: Array
@@ -77,7 +77,7 @@ class Fates(NamedTuple):
 
 
 class Prover:
-    """Proves what becomes of motions of a system.
+    """Proofs of long-term outcomes of motions of a system.
 
     Parameters
     ----------
@@ -86,10 +86,10 @@ class Prover:
     Attributes
     ----------
     acting : array of bool, shape (motions, frequencies)
-        Which drives act.
+        Active drives.
     parts : array of int, shape (motions,)
-        After so many of its periods a system that is the same after each of them has drives that
-        are as before, too: cos(2πx)·cos(2πy) is the same half a cell further along both.
+        Number of periods of the system after which its drives repeat, too: cos(2πx)·cos(2πy) is
+        unchanged by a shift by half a cell along both.
     """
 
     def __init__(self, problem: Problem, table: Array, rules: Rules) -> None:
@@ -119,7 +119,7 @@ class Prover:
         engine: Engine,
         settling: tuple[Marks, Rules, Lane, Bench],
     ) -> None:
-        """Decide all motions that ask: they are measured next, or go on.
+        """Decide all motions that wait for a proof: they are measured next, or continue.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class Prover:
             part[late] = kept[late]
 
     def _take_back(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
-        """Let motions go on by themselves that do not come to where they were carried by hand."""
+        """Reset motions that do not converge to their extrapolated state."""
         marks = settling[0]
         claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
         if not np.any(claimed):
@@ -249,11 +249,11 @@ def affine_fates(
     index : array of int, shape (k,)
         Which lanes.
     slot : array of int, shape (k,)
-        Places of the closed forms of their modes.
+        Slots of the closed forms of their modes.
     saved : Lane
         Where they are.
     shifts : array, shape (translations, n)
-        Translations that change nothing.
+        Translations that leave the system unchanged.
     """
     T = lanes.forms
     y = saved.y[index]

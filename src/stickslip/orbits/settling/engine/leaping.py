@@ -1,9 +1,9 @@
 """Decisions at a mark of a motion, in compiled code: whether to extrapolate it, and whether it has
 settled.
 
-A motion whose returns go on as they have is carried on to where they lead, down to rounding. What
-it comes to is accepted as its cycle, or the motion is taken back to where it was, and goes on by
-itself.
+If the returns of a motion are predictable, their limit is extrapolated, down to rounding. The limit
+is accepted as its cycle, or the motion is reset to its last computed state, and continues from
+there.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ _MOST_POLISHED = 24  # returns that polishing may take
 def consider(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int
 ) -> int:
-    """Compare the last mark, at which the saved lane is, with those before it, and decide what is
-    done.
+    """Compare the last mark, which is the state of the saved lane, with those before it, and decide
+    how to proceed.
 
     Parameters
     ----------
@@ -117,8 +117,7 @@ def consider(
 
 @compiled()
 def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
-    """Whether a motion that is carried on by hand does not return: it may have been taken to where
-    it comes to rest."""
+    """Whether an extrapolated motion does not return: the extrapolated state may lead to rest."""
     ring = m.time.shape[1]
     last = m.numbers[i, COUNT] - 1
     period = m.time[i, last % ring] - m.time[i, (last - m.numbers[i, LAG]) % ring]
@@ -135,7 +134,7 @@ def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
     Parameters
     ----------
     d : float
-        What the last return misses by.
+        Closure error of the last return.
     """
     numbers, real = m.numbers[i], m.real[i]
     copy_lane(saved, i, m.home, i)
@@ -165,7 +164,7 @@ def leap(
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     d : float
-        What the last return misses by.
+        Closure error of the last return.
 
     Returns
     -------
@@ -242,8 +241,7 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
 
 @compiled()
 def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
-    """Take a motion back to where it was before it was carried on by hand, and let it go on by
-    itself."""
+    """Reset a motion to its state before the extrapolation, and let it continue from there."""
     numbers = m.numbers[i]
     # Later and later, so that where no leap is right few are tried.
     patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
@@ -258,14 +256,14 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
 def polish(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float
 ) -> int:
-    """Carry a motion that seems to have settled on to its cycle, down to rounding.
+    """Extrapolate a motion that seems to have settled to its cycle, down to rounding.
 
     Parameters
     ----------
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     d : float
-        What the last return misses by.
+        Closure error of the last return.
 
     Returns
     -------
@@ -305,19 +303,19 @@ def polish(
 
 @compiled()
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
-    """Take the polished cycle for what the motion has settled on, if that was within the tolerance
-    of it; if not, it has to be proved that it comes there.
+    """Accept the polished cycle as the limit cycle of the motion if its state was within the
+    tolerance of it; otherwise convergence must be proved.
 
     Parameters
     ----------
     work : array, shape (n,)
     d : float
-        What the polished cycle misses by.
+        Closure error of the polished cycle.
 
     Returns
     -------
     int
-        SETTLED, or CARRIED_ON if it is taken back.
+        SETTLED, or CARRIED_ON if the motion is reset.
     """
     numbers = m.numbers[i]
     real = m.real[i]

@@ -111,7 +111,7 @@ def measure(
     Parameters
     ----------
     found : Found
-        Receives what is measured.
+        Receives the measured values.
     """
     flow = own_flow(e, i)
     s = e.lanes
@@ -183,7 +183,7 @@ def measure(
 
 @compiled()
 def framed(m: Marks, i: int) -> bool:
-    """Whether a lane is looked at in a moving frame, or without whole cells."""
+    """Whether a lane is compared in a moving frame, or modulo cells."""
     total = float(m.cells.shape[1])
     for r in range(m.frame.shape[1]):
         total += abs(m.frame[i, r])
@@ -254,8 +254,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
 def likely_part(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, p: int
 ) -> int:
-    """The least q ≥ p, 2 or odd, for which a motion is where it was after the q-th part of its
-    period; 0 if there is none."""
+    """The smallest q ≥ p, 2 or odd, for which a motion returns after the q-th part of its period; 0
+    if there is none."""
     real = m.real[i]
     found = 0
     copy_lane(saved, i, e.lanes, i)
@@ -313,14 +313,14 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
 
 @compiled()
 def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
-    """Largest range of a component, relative to its modulus; the sizes of all components are left
-    behind.
+    """Largest range of a component, relative to its modulus; also stores the sizes of all
+    components.
 
     Parameters
     ----------
     largest : array, shape (n,)
-        Largest modulus of each component on the way, if that is known. What all knots have in
-        common may be extreme.
+        Largest modulus of each component along the motion, if known. A component that is equal at
+        all knots may be extreme there.
     """
     ends = bench.ends
     worst = 0.0
@@ -453,7 +453,7 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
 
 @compiled()
 def difference(felt: Array) -> float:
-    """Largest change of what is felt, relative to the largest force."""
+    """Largest change of the observed forces, relative to the largest force."""
     change, size = 0.0, 0.0
     for c in range(felt.shape[1]):
         change = max(change, abs(felt[1, c] - felt[0, c]))
@@ -475,8 +475,8 @@ def begin(tally: Tally) -> None:
 
 @compiled()
 def conclude(e: Engine, bench: Bench, audit: Array) -> None:
-    """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all
-    could be enclosed."""
+    """The residuals of :mod:`.motion.certify` from the accumulated sums; infinite if an enclosure
+    is missing."""
     balance = bench.balance
     tally = bench.tally
     residuals = bench.residuals
@@ -493,7 +493,7 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
 
 @compiled()
 def deceives(outcome: int, change: float, closure: float) -> bool:
-    """Whether the state came back, but what drives it did not: a load that does not repeat."""
+    """Whether the state returned, but the forces on it did not: a load that is not periodic."""
     return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 
@@ -558,12 +558,12 @@ def measure_all(
 def advance_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> None:
-    """Settle and measure one lane, as far as it comes; its phase is left in the marks.
+    """Settle and measure one lane until done or stopped; its phase is stored in the marks.
 
     Parameters
     ----------
     found : Found
-        Receives what is measured.
+        Receives the measured values.
     """
     if m.numbers[i, PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, i)

@@ -50,7 +50,7 @@ def at_desk(e: Engine, desk: Desk) -> Engine:
 
 @entry_point()
 def advance_thread(e: Engine, w: Shared, a: int) -> None:
-    """Settle and measure lane a, thread a at its own desk instead of in the work space of e."""
+    """Settle and measure lane a; thread a has separate work space instead of that of e."""
     desk = row_of(w.desks, a)
     mine = at_desk(e, desk)
     advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, a)
