@@ -1,10 +1,10 @@
 """Basins of attraction: which attractor each state of a section reaches.
 
-A basin is a map over initial states (:mod:`stickslip.sweeps.sweep`): what is said of every motion
-is proved or certified point by point.
-What motions settle on is then sorted. Rest is a set, and so are the oscillations in which a contact
-sticks for good: it may do so at many places. Any other cycle is closed once by Newton's method,
-which tells its stability, and belongs to all motions that have settled on it.
+A basin is a map over initial states (:mod:`stickslip.sweeps.sweep`), with a proof or certificate at
+every point. The attractors are then classified. States of rest form sets, as do oscillations in
+which a contact sticks permanently, since its position is arbitrary. Any other cycle is closed once
+by Newton's method, which also gives its stability, and is assigned to all motions that have settled
+on it.
 """
 
 from __future__ import annotations
@@ -85,16 +85,17 @@ class Attractor:
     state : dict of str to float
         One of its states.
     period, speed : float
-        0 where there is none.
+        0 if there is none.
     certified : bool
         Whether every motion that reached it is certified, and its cycle, if it has one.
     family : bool
-        Whether it is one of many: contacts that stick for good may do so at many places.
+        Whether it belongs to a continuous family: contacts that stick permanently may do so at many
+        positions.
     stability : str
-        Of an isolated equilibrium or of a cycle, by its eigenvalues or multipliers; empty where
-        these say nothing.
+        Stability of an isolated equilibrium or a cycle, from its eigenvalues or multipliers; empty
+        if these are inconclusive.
     cycle : Cycle or None
-        As Newton's method has closed it; None where there is none, or it did not converge.
+        The cycle closed by Newton's method; None if there is none, or it did not converge.
     """
 
     kind: str
@@ -116,7 +117,7 @@ class SettledMotions:
     ----------
     outcome, lacking : arrays of int, shape (motions,)
     time, period : arrays, shape (motions,)
-        When it is where it is, and after what time it is there again.
+        Time of the state, and time after which it recurs.
     state, low, high, shift : arrays, shape (motions, n)
     stuck : array of bool, shape (motions, contacts)
         Contacts that stick throughout.
@@ -227,7 +228,7 @@ def basin(
 
 
 def _measures(problem: Problem) -> tuple[str, ...]:
-    """What tells attractors apart."""
+    """Measures that distinguish attractors."""
     return (
         *("time", "duration", "switches"),
         *(f"{name}:{x}" for name in _COMPONENTS for x in problem.system.declaration.state),
@@ -266,7 +267,7 @@ def _classified(
 
 
 def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
-    """What motions have settled on, of the points of a map that are done."""
+    """Attractors of the motions at the computed points of a map."""
     state = problem.system.declaration.state
     contacts = _contacts(problem)
 
@@ -316,7 +317,7 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
 
 
 class _Census:
-    """Sorts what motions have settled on.
+    """Classification of motions by their attractors.
 
     Attributes
     ----------
@@ -468,7 +469,7 @@ class _Census:
     def _attractor(
         self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None
     ) -> Attractor:
-        """What is said of some motions that have settled on the same."""
+        """The attractor of some motions that have settled on the same."""
         f = self.found
         first = members[0]
         moves = kind in ("cycle", "walking", "oscillation")
@@ -506,7 +507,7 @@ def _dataset(
     lacks: Array,
     interrupted: bool,
 ) -> xarray.Dataset:
-    """The map and the table of what was reached, the largest basin first."""
+    """The map and the table of attractors, the largest basin first."""
     import xarray as xr
 
     reached = [attractor for attractor, _ in found]

@@ -1,8 +1,8 @@
-"""Sweeps that carry the state: the attractors of a motion while a parameter is changed step by
-step, as in an experiment.
+"""Sweeps that carry the state: the attractors of a motion while a parameter changes in steps, as in
+an experiment.
 
-Frequency responses ask for the cycle; maps, which carry the state in the same way
-(:mod:`stickslip.sweeps.work.handed`), measure what motions settle on.
+Frequency responses use the cycle; maps, which carry the state in the same way
+(:mod:`stickslip.sweeps.work.handed`), use measures of the settled motions.
 """
 
 from __future__ import annotations
@@ -39,32 +39,33 @@ def carried(
     progress: Callable[[int], None] | None = None,
     known: Callable[[float], Iterable[Cycle]] | None = None,
 ) -> Iterator[tuple[Cycle | str, bool]]:
-    """The cycles that a motion settles on while a parameter takes one value after the other.
+    """The limit cycles of a motion for successive values of a parameter.
 
-    Each motion starts from the state of the last one, at the same phase of the drives. Where a
-    cycle is known at the new value, or the last one can be followed to it, it is enough that the
-    motion has come to a fifth of its first distance from it; elsewhere it is followed until it has
+    Each motion starts from the state of the previous one, at the same phase of the drives. If a
+    cycle is known at the new value, or the previous one can be continued to it, the motion is
+    followed until its distance from the cycle has decreased to a fifth; otherwise until it has
     settled.
 
     Parameters
     ----------
     values : sequence of float
-        In the order in which they are taken.
+        In the order of the sweep.
     parameters : mapping of str to float, optional
         Values of the others.
     initial : mapping of str to float, optional
         State of the first motion; by default the declared one.
     progress : callable, optional
-        Called with the number of each value before it is taken.
+        Called with the number of each value before its computation.
     known : callable, optional
-        Takes a value, and returns cycles that are known there; asked before each motion.
+        value ↦ cycles that are known there; called before each motion.
 
     Yields
     ------
     found : Cycle or str
-        Where there is no cycle, why; the next motion starts from where that one came to.
+        The cycle, or the reason why there is none; the next motion then starts from the final
+        state.
     followed : bool
-        Whether it is the one before, followed to the new value.
+        Whether it is the previous cycle, continued to the new value.
     """
     handed: Handed | None = None
     cycle: Cycle | None = None
@@ -104,7 +105,7 @@ def carried(
 
 
 def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
-    """What a cycle becomes at other parameters, by way of others between if need be.
+    """A cycle continued to other parameters, with intermediate values if necessary.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def _followed(
 
 
 def _approached(cycle: Cycle, time: float, state: Array) -> bool:
-    """Whether the motion from a state is seen to approach a cycle that does not repel."""
+    """Whether the motion from a state approaches a cycle that is not unstable."""
     closed = cycle.closed
     # Where a contact rests that never slips is told by a motion, not by a neighbour.
     if closed.shooting.setting.held or repels(closed):

@@ -26,15 +26,15 @@ _SETTLED = {outcome.code for outcome in MEASURED}
 
 @dataclass(frozen=True)
 class Runs:
-    """In which order points are computed that carry the state.
+    """Order in which points that carry the state are computed.
 
     Attributes
     ----------
     order : array of int
         Of the points.
     begins : dict of int to (Handed or None)
-        Places in that order at which a run of points begins, and what it goes on from; None: it
-        begins as any motion does.
+        Places in that order at which a run of points starts, with the state from which it
+        continues; None: it starts from the initial state.
     """
 
     order: Array
@@ -60,8 +60,8 @@ class LinesToDo:
         self._out: dict[Chunk, Iterator[Chunk]] = {}
 
     def __iter__(self) -> Iterator[tuple[Chunk, Array, Runs] | None]:
-        """Chunks, positions of their missing points, and the order of these; None as long as all
-        that is left waits for what is under way."""
+        """Chunks, positions of their missing points, and the order of these; None while all
+        remaining chunks wait for results of running ones."""
         while self._waiting or self._out:
             if not self._waiting:
                 yield None
@@ -74,7 +74,7 @@ class LinesToDo:
                     break
 
     def done(self, chunk: Chunk) -> None:
-        """What waits for a chunk may go on."""
+        """Mark a chunk as done, so that dependent chunks can start."""
         self._waiting.append(self._out.pop(chunk))
 
     def _columns(self) -> Iterator[list[Chunk]]:
@@ -87,7 +87,7 @@ class LinesToDo:
             yield list(dict.fromkeys(tuple(p[k] for k in range(len(counts))) for p in places))
 
     def _runs(self, chunk: Chunk, inside: Array) -> Runs:
-        """In which order the missing points of a chunk are computed, and from what they go on."""
+        """Order of the missing points of a chunk, and the states from which they continue."""
         grid = self.grid
         region = grid.region(chunk)
         shape = tuple(part.stop - part.start for part in region)
@@ -129,7 +129,7 @@ class LinesToDo:
 
 
 def needed_to_carry(system: System) -> list[str]:
-    """Measures that say where a point has come to."""
+    """Measures that describe the final state of a point."""
     each = [f"{name}:{x}" for name in ("state", "shift") for x in system.declaration.state]
     return [*each, "time", "duration"]
 
@@ -140,17 +140,18 @@ def handed_by(
     found: Mapping[str, Array],
     given: Handed | None,
 ) -> Handed | None:
-    """What a point hands on: where it has settled; if its motion ended otherwise, what it was
-    given.
+    """The state that a point passes on: its settled state, or the state it started from if the
+    motion has not settled.
 
     Parameters
     ----------
     parameters : mapping of str to float
-        At the point.
+        Parameters of the point.
     found : mapping of str to array, shape (1,)
-        With what :func:`needed_to_carry` asks for.
+        Contains the measures of :func:`needed_to_carry`.
     given : Handed or None
-        What it went on from, at its own parameters; None if it began as any motion does.
+        State from which it started, at its own parameters; None if it started from the initial
+        state.
     """
     names = system.declaration.state
     code = int(found["outcome"][0])
@@ -165,7 +166,7 @@ def handed_by(
 
 
 def stored_of(system: System, handed: list[Handed | None]) -> dict[str, Array]:
-    """What points hand on as variables of a map."""
+    """Carried states as variables of a map."""
     names = ("time", *system.declaration.state)
     table = np.full((len(handed), len(names)), np.nan)
     for row, one in zip(table, handed, strict=True):

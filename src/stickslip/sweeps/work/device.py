@@ -39,7 +39,7 @@ _ENTRIES = advance_thread, grow_thread
 
 
 class Device(Protocol):
-    """A machine with memory of its own, where threads run."""
+    """A device with separate memory, on which threads run."""
 
     name: str
 
@@ -72,13 +72,13 @@ class Device(Protocol):
         ...
 
     def launch(self, function: Any, words: Array, count: int) -> None:
-        """Run what was loaded in so many threads, and wait for all of them; the words are all
-        arguments but the last, which is the number of the thread."""
+        """Run the loaded kernel in a number of threads, and wait for all of them; the words are all
+        arguments except the last, which is the number of the thread."""
         ...
 
 
 def check_device() -> None:
-    """Reject to work without a GPU, or without what drives it.
+    """Raise an error without a GPU, or without its driver.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
 
 
 def desk_for(problem: Problem) -> Desk:
-    """Work space of a thread; there are so many that none keeps what others made."""
+    """Work space of a thread; it contains no results of other threads."""
     return Desk(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
 
 
@@ -192,7 +192,7 @@ class OnDevice:
         self._launch(1, [(self.block.lanes, self.engine), (self.block.twins, self.twin)])
 
     def _asked(self) -> tuple[Any, Any]:
-        """What the host proves from, and decides: here and there."""
+        """Data from which the host proves and decides, on the device and on the host."""
         here, there = self.block.marks, self.marks
         names = "outcome", "real", "size", "home", "numbers"
         return (
@@ -208,11 +208,11 @@ class OnDevice:
         self._fetch(*self._asked())
 
     def answer(self) -> None:
-        """Send what was proved of them."""
+        """Send the results of the proofs."""
         self._send(*self._asked())
 
     def fetch(self) -> None:
-        """Bring what was found, and where the motions are, to the host."""
+        """Copy the results and the states of the motions to the host."""
         self.ask()
         self._fetch(self.block.found, self.found)
 
@@ -223,8 +223,8 @@ class OnDevice:
             self._fetch(getattr(here, name), getattr(there, name))
 
     def _launch(self, number: int, involved: list[tuple[Lanes, Any]]) -> None:
-        """Send what the host has changed, let all motions go on, and bring back what the host looks
-        at."""
+        """Send the changes of the host, advance all motions, and fetch the data that the host
+        needs."""
         looked_at = [(lanes.codes, there.codes) for lanes, there in involved]
         looked_at.append((self.block.marks.numbers, self.marks.numbers))
         for here, there in looked_at:

@@ -40,7 +40,7 @@ class Work:
     model : str
         Model file of the system.
     asked : tuple
-        What the measures are made of again.
+        Arguments from which the measures are created again.
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     section, carries : bool
@@ -63,7 +63,7 @@ class Work:
 
 
 def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) -> Work:
-    """The work that a plan asks for at its points."""
+    """The work of a plan at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
     model = plan.model
@@ -102,7 +102,7 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
 
 
 def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) -> dict[str, Array]:
-    """Everything that is stored of some points.
+    """Compute all stored variables of some points.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
     Returns
     -------
     dict of str to array, shape (points,)
-        By variable; what is not a number where there is nothing to measure.
+        By variable; NaN if undefined.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Ar
 
 
 def _stored(work: Work) -> list[str]:
-    """What is kept of a point, but for what it hands on."""
+    """Stored variables of a point, without the carried state."""
     _, measures = _prepared(work)
     own = [variable(m) for m in measures if not isinstance(m, str)]
     return [*map(variable, measures), *(f"{name}_missing" for name in own), *OWN]
