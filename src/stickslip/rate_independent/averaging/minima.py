@@ -96,8 +96,8 @@ def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
 
 
 def expected_low(before: Array, here: Array, after: Array) -> Array:
-    """How low a function can be expected between three samples: as low as lines of the outer slopes
-    would take it."""
+    """Expected minimum of a function between three samples: the intersection of lines with the
+    outer slopes."""
     with np.errstate(invalid="ignore"):
         return here - (before - here) - (after - here)
 

@@ -182,7 +182,7 @@ def _bounds(
 
 
 def _parts(threshold: Any) -> dict[str, Any]:
-    """A threshold, or both of a pair, by what errors call them."""
+    """A threshold, or both of a pair, by their names in messages."""
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
         return {f"threshold[{i}]": part for i, part in enumerate(threshold)}
     return {"threshold": threshold}
