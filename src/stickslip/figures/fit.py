@@ -68,7 +68,7 @@ def _drawn(fits: list[tuple[str, Fit]], ax: Axes | None) -> Figure:
 
 
 def _column(ax: Axes, below: Axes | None, fits: list[tuple[str, Fit]], r: int, name: str) -> None:
-    """One column of one recording."""
+    """Plot one column of one recording."""
     suffix = "" if r == 0 else f"_{r + 1}"
     data = fits[0][1].dataset
     time = np.asarray(data[f"time{suffix}"].values, float)

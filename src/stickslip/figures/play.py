@@ -1,4 +1,5 @@
-"""Pictures of plays: inside their stable region, beside their limit, and as loops over the load."""
+"""Plots of plays: inside their stable region, compared with their limit, and as loops over the
+load."""
 
 from __future__ import annotations
 

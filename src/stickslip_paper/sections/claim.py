@@ -1,5 +1,4 @@
-"""What a claim of the paper is: a statement with its place, a check, and the verdict that is
-expected."""
+"""A claim of the paper: a statement with its place, a check, and the expected verdict."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ import numpy as np
 
 
 class Verdict(Enum):
-    """What a check can find."""
+    """Possible results of a check."""
 
     HOLDS = "holds"
     CORRECTED = "holds as corrected"
@@ -23,12 +22,12 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check has found.
+    """Result of a check.
 
     Attributes
     ----------
     measured : str
-        The measured number and what it is compared with.
+        The measured number and the reference value.
     numbers : mapping of str to float
         The same as data.
     """
@@ -48,17 +47,17 @@ class Claim:
     Attributes
     ----------
     place : str
-        Where it stands: ``"(3.6)"``, ``"theorem 3.1"``, ``"section 4.3"``.
+        Place in the paper: ``"(3.6)"``, ``"theorem 3.1"``, ``"section 4.3"``.
     name : str
-        A short name of its own.
+        A short unique name.
     statement, formula : str
-        In words, and as the paper writes it.
+        In words, and as in the paper.
     how : str
-        How it is checked.
+        Description of the check.
     check : callable
         The check; returns a Finding.
     correction, derivation : str
-        What is right where the printed form is not, and why.
+        Correction of the published form, if it is wrong, and its derivation.
     """
 
     place: str
@@ -129,7 +128,7 @@ def equals(value: float, expected: float, tolerance: float, what: str) -> Findin
 
 
 def shows(condition: bool, measured: str, **numbers: float) -> Finding:
-    """Whether a qualitative statement is seen in the numbers."""
+    """Whether the numbers show a qualitative statement."""
     return Finding(
         Verdict.HOLDS if condition else Verdict.FAILS,
         measured,

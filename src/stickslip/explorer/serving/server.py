@@ -39,15 +39,15 @@ class Listening:
     Attributes
     ----------
     port : int
-        0: one that is free.
+        0: a free port.
     names : tuple of str
-        More names under which it may be asked.
+        Additional accepted host names.
     given : str
-        The text of a model file to begin with.
+        The text of the initial model file.
     start : str
-        The state to begin with, as it stands behind the # of an address.
+        The initial state, as in the fragment of a URL.
     most_pages : int
-        How many pages may be open.
+        Maximum number of open pages.
     """
 
     host: str = HERE
@@ -129,7 +129,7 @@ class Explorer:
         asyncio.run(self._serve())
 
     def start(self) -> Explorer:
-        """Serve pages beside whatever else this program does.
+        """Serve pages in the background.
 
         Raises
         ------
@@ -197,7 +197,7 @@ def _on_signal(name: str, act: Callable[[], None]) -> None:
 
 
 def _application(place: Listening, pool: WorkerPool):
-    """Bokeh's application, and what listens for it."""
+    """Bokeh's application, and its listening sockets."""
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
 

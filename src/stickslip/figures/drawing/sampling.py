@@ -45,8 +45,7 @@ def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[floa
 
 
 class SampledMotion:
-    """Times at which a motion is looked at: on each step, both ends included, and nowhere far
-    apart."""
+    """Sampled times of a motion: on each step, including both ends, and without large gaps."""
 
     def __init__(self, trajectory: Trajectory, window: tuple[float, float] | None = None) -> None:
         self.trajectory = trajectory
