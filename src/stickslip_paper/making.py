@@ -51,7 +51,7 @@ class Made:
     error: str = ""
 
     def good(self, claim: Claim | None) -> bool:
-        """Whether the result is as expected."""
+        """Return whether the result is as expected."""
         if self.finding is None or claim is None:
             return not self.error
         return self.finding.verdict is claim.expected

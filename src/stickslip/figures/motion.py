@@ -154,11 +154,11 @@ class _Overview:
         return set(known if coordinates is None else coordinates)
 
     def rubs(self, key: str) -> bool:
-        """Whether a contact has friction."""
+        """Return whether a contact has friction."""
         return any(contact_key(name) == key for name in self.system.rubbing)
 
     def is_held(self, key: str) -> bool:
-        """Whether to plot the friction force of a contact: it is closed at some time."""
+        """Return whether to plot the friction force of a contact: it is closed at some time."""
         if not self.rubs(key):
             return False
         closed = self.modes[key] != IS_OPEN

@@ -265,7 +265,7 @@ def _is_cycles(branch: Branch) -> bool:
 
 
 def _sticks(branch: Branch) -> Array:
-    """Whether each point is a cycle that sticks."""
+    """Return whether each point is a cycle that sticks."""
     return (
         branch.points["sticks"].values
         if _is_cycles(branch)
@@ -311,7 +311,7 @@ def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
 
 
 def _is_wide(x: Array) -> bool:
-    """Whether points extend over orders of magnitude, and most are far below the largest."""
+    """Return whether points extend over orders of magnitude, and most are far below the largest."""
     wide = np.min(x) > 0.0 and np.max(x) >= _WIDE * np.min(x)
     return bool(wide and np.median(x) <= _LOW * np.max(x))
 

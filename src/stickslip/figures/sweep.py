@@ -153,7 +153,8 @@ def _longest(data: xarray.Dataset) -> str:
 
 
 def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
-    """Whether the other axes are short enough for a line plot with a line for each of their values.
+    """Return whether the other axes are short enough for a line plot with a line for each of their
+    values.
 
     Samples and outcomes have no lines.
     """

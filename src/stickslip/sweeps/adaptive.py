@@ -146,7 +146,7 @@ def _divisible(cell: Cell) -> bool:
 
 
 def _changes(cell: Cell, known: Array, tables: Sequence[Array], limits: Sequence[float]) -> bool:
-    """Whether an outcome or a measure changes among the computed points of a cell."""
+    """Return whether an outcome or a measure changes among the computed points of a cell."""
     box = _box(cell)
     here = known[box]
     for table, limit in zip(tables, limits, strict=True):

@@ -136,7 +136,7 @@ def _followed(
 
 
 def _approached(cycle: Cycle, time: float, state: Array) -> bool:
-    """Whether the motion from a state approaches a cycle that is not unstable."""
+    """Return whether the motion from a state approaches a cycle that is not unstable."""
     closed = cycle.closed
     # Where a contact rests that never slips is told by a motion, not by a neighbour.
     if closed.shooting.setting.held or repels(closed):

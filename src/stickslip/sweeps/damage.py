@@ -50,7 +50,7 @@ def files(chunks: Iterable[tuple[str, Chunk]]) -> str:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a store."""
+    """Return whether there is a store."""
     return (path / _DESCRIPTION).is_file()
 
 
@@ -167,7 +167,7 @@ def _chunks(array: Mapping[str, Any]) -> Iterator[Chunk]:
 
 
 def _tells_places(path: Path) -> bool:
-    """Whether the chunks of a store contain their places."""
+    """Return whether the chunks of a store contain their places."""
     return _read(path / _DESCRIPTION)["attributes"].get(checksums.LAYOUT) == _LAYOUT
 
 
@@ -176,7 +176,7 @@ def _key(name: str, chunk: Chunk) -> str:
 
 
 def is_chunk(key: str) -> bool:
-    """Whether a file of a store is a chunk."""
+    """Return whether a file of a store is a chunk."""
     return "/c/" in key
 
 
@@ -201,8 +201,8 @@ def _frame(key: str) -> bytes:
 
 
 def _sound(path: Path, name: str, chunk: Chunk, told: bool) -> bool | None:
-    """Whether a chunk has the right checksum and, if chunks contain their places, is in its place;
-    None if it is missing."""
+    """Return whether a chunk has the right checksum and, if chunks contain their places, is in its
+    place; None if it is missing."""
     import google_crc32c
 
     key = _key(name, chunk)

@@ -217,7 +217,7 @@ def _check_periodic(system: System, of: str) -> None:
 
 
 def _grows(e: Expr) -> bool:
-    """Whether time appears in a formula outside of all functions."""
+    """Return whether time appears in a formula outside of all functions."""
     if e.op == "sym":
         return e == ex.sym("t")
     if e.op in FUNCTIONS:
@@ -357,7 +357,7 @@ class _OnLines:
         return self._known[branch, value]
 
     def _passes(self, branch: Branch, cycle: Cycle) -> bool:
-        """Whether a line contains a cycle."""
+        """Return whether a line contains a cycle."""
         wanted = self.lines.wanted
         there = self._of(branch, cycle.parameters[wanted.parameter])
         return any(_alike(cycle, c, wanted.told_by) for c in there)
@@ -414,7 +414,7 @@ def _numbers(cycle: Cycle, x: str) -> Array:
 
 
 def _alike(one: Cycle, other: Cycle, x: str) -> bool:
-    """Whether two cycles at one frequency agree in amplitude and first harmonic."""
+    """Return whether two cycles at one frequency agree in amplitude and first harmonic."""
     a, b = _numbers(one, x), _numbers(other, x)
     return bool(np.max(np.abs(a - b)) <= _SAME * np.max(np.abs(a)))
 

@@ -113,7 +113,7 @@ def minimum(*values: float) -> float:
 
 
 def vanishes(error: float, tolerance: float, what: str = "largest difference") -> Finding:
-    """Whether an error is within its tolerance."""
+    """Return whether an error is within its tolerance."""
     verdict = Verdict.HOLDS if abs(error) <= tolerance else Verdict.FAILS
     return Finding(
         verdict, f"{what} {abs(error):.1e} (tolerance {tolerance:.0e})", {"error": float(error)}
@@ -121,14 +121,14 @@ def vanishes(error: float, tolerance: float, what: str = "largest difference") -
 
 
 def equals(value: float, expected: float, tolerance: float, what: str) -> Finding:
-    """Whether a number is the expected one."""
+    """Return whether a number is the expected one."""
     verdict = Verdict.HOLDS if abs(value - expected) <= tolerance else Verdict.FAILS
     text = f"{what} {value:.10g}, expected {expected:.10g} ± {tolerance:.0e}"
     return Finding(verdict, text, {"value": float(value), "expected": float(expected)})
 
 
 def shows(condition: bool, measured: str, **numbers: float) -> Finding:
-    """Whether the numbers show a qualitative statement."""
+    """Return whether the numbers show a qualitative statement."""
     return Finding(
         Verdict.HOLDS if condition else Verdict.FAILS,
         measured,
@@ -163,7 +163,7 @@ def fitted_power(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 def scales(
     x: list[float], y: list[float], exponent: float, within: float, what: str, symbol: str
 ) -> Finding:
-    """Whether y ~ x^exponent, by a fit over the given range."""
+    """Return whether y ~ x^exponent, by a fit over the given range."""
     power, _ = fitted_power(np.asarray(x, dtype=float), np.abs(np.asarray(y, dtype=float)))
     verdict = Verdict.ASYMPTOTIC if abs(power - exponent) <= within else Verdict.FAILS
     values = ", ".join(f"{v:.2g}" for v in y)

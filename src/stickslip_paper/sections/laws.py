@@ -83,7 +83,7 @@ def _translated(node: ast.expr) -> sympy.Expr:
 
 
 def zero(expression: Any) -> bool:
-    """Whether an expression is identically zero."""
+    """Return whether an expression is identically zero."""
     return bool(sympy.simplify(sympy.expand(expression)) == 0)
 
 

@@ -164,7 +164,7 @@ def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]
 
 
 def _is_file(text: str) -> bool:
-    """Whether a value names a file of samples, or is a table that does."""
+    """Return whether a value names a file of samples, or is a table that does."""
     return text.startswith("{") or bool(_FILE.match(text)) or Path(text).is_file()
 
 

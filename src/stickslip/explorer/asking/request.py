@@ -116,7 +116,7 @@ def read_request(text: str) -> Request:
 
 
 def _is_deep(table: Any) -> bool:
-    """Whether lists and tables are nested more deeply than in any valid question."""
+    """Return whether lists and tables are nested more deeply than in any valid question."""
     level = [[table]]
     for _ in range(MOST_LEVELS):
         inside = [x for parts in level for x in parts if isinstance(x, dict | list)]

@@ -101,7 +101,7 @@ class Worker:
             self._send(None)
 
     def overdue(self, now: float) -> bool:
-        """Whether the time limit is exceeded."""
+        """Return whether the time limit is exceeded."""
         if self.job is None:
             return False
         limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
@@ -221,7 +221,7 @@ class WorkerPool:
             worker.begin(job)
 
     def _one_is_slow(self) -> bool:
-        """Whether a worker is busy with a possibly slow question."""
+        """Return whether a worker is busy with a possibly slow question."""
         return any(w.job is not None and w.job.request.what != _QUICK for w in self.workers)
 
     def _heard(self, worker: Worker, said: Any) -> None:
@@ -283,5 +283,5 @@ class WorkerPool:
 
 
 def _is_idle(job: Job, asked: Job) -> bool:
-    """Whether a worker is preparing for a different question."""
+    """Return whether a worker is preparing for a different question."""
     return job.page is None and job.request.setting != asked.request.setting

@@ -86,7 +86,7 @@ def plot_quantities(
 
 
 def _drawable(values: xarray.DataArray) -> bool:
-    """Whether a variable is numeric, over one or two dimensions."""
+    """Return whether a variable is numeric, over one or two dimensions."""
     return values.dtype.kind in "fiub" and values.ndim <= 2
 
 
@@ -117,7 +117,7 @@ def _draw(axes: Axes, data: xarray.Dataset, name: str, along: str, colour: str |
 
 
 def _named(data: xarray.Dataset, along: str) -> bool:
-    """Whether the dimension has names instead of numbers."""
+    """Return whether the dimension has names instead of numbers."""
     return along in data.coords and data[along].dtype.kind not in "fiub"
 
 

@@ -157,7 +157,7 @@ class _RoomyLocator(MaxNLocator):
 
 
 def _have_room(axis: Any, ticks: Array, low: float, high: float) -> bool:
-    """Whether the labels of horizontal ticks do not overlap."""
+    """Return whether the labels of horizontal ticks do not overlap."""
     shown = ticks[(ticks >= low) & (ticks <= high)]
     if len(shown) < 2:
         return True

@@ -271,7 +271,7 @@ def _solved(chart: Chart, guess: Array, units: Array, tangent: Array) -> Array:
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
-    """Whether a test function changes its sign between two points."""
+    """Return whether a test function changes its sign between two points."""
     there = chart.tests(x, tangent * chart.scale(x))
     return any(value * point.tests[name] < 0.0 for name, value in there.items())
 
@@ -358,7 +358,7 @@ def _approach(
 
 
 def _well_inside(chart: Chart, x: Array) -> bool:
-    """Whether a cycle starts well inside its first phase, which is also its last one."""
+    """Return whether a cycle starts well inside its first phase, which is also its last one."""
     motion = chart.orbit(x).motion
     k = motion.knots
     found = segments(motion)

@@ -324,8 +324,8 @@ class _Follower:
         return chart
 
     def _was_here(self, stations: list[_Station], bent: Corner) -> bool:
-        """Whether the branch has passed a corner before; if so, note it as a special point that has
-        not been solved for."""
+        """Return whether the branch has passed a corner before; if so, note it as a special point
+        that has not been solved for."""
         value = bent.cycle.parameters[self.parameter]
         near = _SAME * (self.span[1] - self.span[0])
         for event in [event for station in stations for event in station.events]:
@@ -358,7 +358,7 @@ class _Follower:
         return onward
 
     def _continues(self, onward: BeyondCorner) -> bool:
-        """Whether a point beyond a corner is a cycle within the range.
+        """Return whether a point beyond a corner is a cycle within the range.
 
         This close to the corner the point need not be certified; the following points must be.
         """
@@ -411,8 +411,8 @@ class _Follower:
         return f"{event.what.kind} at {self.parameter} = {event.value:.12g}: {event.what.note}"
 
     def _vanishes(self, stations: list[_Station], extent: Extent) -> bool:
-        """Whether a small cycle shrinks to an equilibrium: without other evidence, the parameter
-        must approach its limit at the rate of the size."""
+        """Return whether a small cycle shrinks to an equilibrium: without other evidence, the
+        parameter must approach its limit at the rate of the size."""
         if len(stations[-1].cycle.phases) == 1 or extent.least <= _TINY:
             return True
         return all(left.ok for left in self._vanished(stations).what.residuals)
@@ -472,7 +472,7 @@ class _Follower:
         return float(np.max(ranges / self.extent.modulus))
 
     def _came_back(self, stations: list[_Station], before: int) -> bool:
-        """Whether a step after the given point has passed the start of the branch."""
+        """Return whether a step after the given point has passed the start of the branch."""
         if len(stations) <= 2 * _IN_CHART:
             return False
         start = self._features(self.cycle)
@@ -486,8 +486,8 @@ class _Follower:
         return False
 
     def _is_between(self, one: Cycle, other: Cycle) -> bool:
-        """Whether the start of the branch is as near to a cycle as the previous cycle is: cycles of
-        equal widths may occur at other phases of a drive."""
+        """Return whether the start of the branch is as near to a cycle as the previous cycle is:
+        cycles of equal widths may occur at other phases of a drive."""
         near, apart = (
             other.closed.distance(np.array([*cycle.state.values()]), cycle.time)
             for cycle in (self.cycle, one)

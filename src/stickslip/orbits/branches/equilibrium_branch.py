@@ -588,8 +588,8 @@ def _pairs(count: int) -> tuple[Array, Array]:
 
 
 def _solved(found: Certificate) -> bool:
-    """Whether the equations are solved and the eigenvalues accurate; guards are left to the test
-    functions."""
+    """Return whether the equations are solved and the eigenvalues accurate; guards are left to the
+    test functions."""
     return found["equations"].ok and found["eigenvalues"].ok
 
 

@@ -361,8 +361,8 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:
-    """Whether a test function is zero on both sides up to rounding, as along a whole branch without
-    damping."""
+    """Return whether a test function is zero on both sides up to rounding, as along a whole branch
+    without damping."""
     beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
     return max(abs(point.tests[crossing.name]) for point in beside) < _FLAT
 
@@ -403,6 +403,6 @@ def critical(value: float, off: float) -> Residual:
 
 
 def turning(before: float, beyond: float) -> Residual:
-    """Whether the parameter turns back at a corner, from its slopes on both sides."""
+    """Return whether the parameter turns back at a corner, from its slopes on both sides."""
     turns = -math.copysign(min(abs(before), abs(beyond)), before * beyond)
     return Residual("turn of the parameter", turns, SOLVED_TO, least=True)

@@ -378,7 +378,7 @@ class _Tracer:
         return bend
 
     def _closed(self, path: Path) -> bool:
-        """Whether the last step has passed the start."""
+        """Return whether the last step has passed the start."""
         if len(path.points) < 10:
             return False
         start = path.points[0]

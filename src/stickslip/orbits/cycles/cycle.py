@@ -590,8 +590,8 @@ def make_cycle(closed: Closed) -> Cycle:
 
 
 def _differentiable(closed: Closed) -> bool:
-    """Whether neighbouring motions have the same sequence: no events coincide accidentally, and no
-    guard is touched."""
+    """Return whether neighbouring motions have the same sequence: no events coincide accidentally,
+    and no guard is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
     return bool(
         smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > GUARD_TOUCHED

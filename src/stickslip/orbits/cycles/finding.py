@@ -181,7 +181,7 @@ def from_motion(motion: Trajectory) -> Closed:
 
 
 def repels(closed: Closed) -> bool:
-    """Whether a cycle is unstable."""
+    """Return whether a cycle is unstable."""
     return bool(np.any(np.abs(closed.spectrum.others) > 1.0 + _REPELS))
 
 

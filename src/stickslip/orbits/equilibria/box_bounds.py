@@ -181,13 +181,13 @@ def times_way(slope: Array, way: Array) -> Array:
 
 
 def touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes intersect."""
+    """Return whether two boxes intersect."""
     pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
     return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
 
 
 def is_within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
-    """Whether a state is in a box, or on its boundary up to rounding."""
+    """Return whether a state is in a box, or on its boundary up to rounding."""
     return all(
         low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
         for x, (low, high) in extent.items()

@@ -133,7 +133,7 @@ class _Covered:
         return CoveredSets([part] if self._asked(extent) else [], isolated=isolated)
 
     def _holds(self, e: Expr) -> bool:
-        """Whether a condition without unknowns holds, up to rounding."""
+        """Return whether a condition without unknowns holds, up to rounding."""
         value = ex.evaluate(e, self.values)
         terms = e.terms if e.op == "sum" else ()
         size = sum(abs(c * ex.evaluate(term, self.values)) for term, c in terms)
@@ -186,13 +186,13 @@ class _Covered:
         }
 
     def _asked(self, extent: Mapping[str, tuple[float, float]]) -> bool:
-        """Whether a set intersects the box."""
+        """Return whether a set intersects the box."""
         return all(
             extent[x][0] <= high and extent[x][1] >= low for x, (low, high) in self.box.items()
         )
 
     def _repeated(self, one: Ranges, other: Ranges) -> bool:
-        """Whether two sets agree up to a shift by multiples of the periods."""
+        """Return whether two sets agree up to a shift by multiples of the periods."""
         for x in self.states:
             turn = self.repeats.get(x, 0.0)
             with np.errstate(invalid="ignore"):

@@ -88,7 +88,7 @@ def equilibria(
 
 
 def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
-    """Whether a point is an isolated equilibrium that was found, or in a set.
+    """Return whether a point is an isolated equilibrium that was found, or in a set.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class _Search:
         )
 
     def contains(self, found: Equilibria, point: Mapping[str, float]) -> bool:
-        """Whether a point is an isolated equilibrium, or in a set."""
+        """Return whether a point is an isolated equilibrium, or in a set."""
         rates = {f"d_{x}" for x in self.eq.declaration.inertial}
         for name in point:
             check_initial(self.system.declaration, name, point[name])
@@ -212,14 +212,14 @@ class _Search:
         return False
 
     def _is_at(self, one: Equilibrium, y: Array) -> bool:
-        """Whether a state is that of an isolated equilibrium, up to translation."""
+        """Return whether a state is that of an isolated equilibrium, up to translation."""
         there = np.array(list(one.state.values()))
         units = np.maximum(np.maximum(np.abs(y), np.abs(there)), _LEAST_UNIT)
         apart, along = (y - there) / units, self.invariant / units[:, None]
         return float(np.max(np.abs(apart - along @ (np.linalg.pinv(along) @ apart)))) <= _KNOWN
 
     def _is_in(self, one: EquilibriumSet, y: Array) -> bool:
-        """Whether a state satisfies the conditions of a set, and so those of all sets of its
+        """Return whether a state satisfies the conditions of a set, and so those of all sets of its
         modes."""
         for region in one.regions:
             if self._rests(one.mode):
@@ -296,7 +296,7 @@ class _Search:
             self._look_for_steady_motion(field)
 
     def _rests(self, mode: Mode) -> bool:
-        """Whether contacts stick in a mode, and none slides."""
+        """Return whether contacts stick in a mode, and none slides."""
         sticks = False
         for i, (c, m) in enumerate(zip(self.eq.contacts, mode, strict=True)):
             if c.opens or self.eq.is_loose(i, mode):

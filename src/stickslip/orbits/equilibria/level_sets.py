@@ -130,7 +130,7 @@ class LevelSet:
         return sum(c for term, c in e.terms if term is ex.sym(x)) if e.op == "sum" else 0.0
 
     def holds(self, points: Array) -> Array:
-        """Whether all conditions are proved to hold at points of shape (k, N)."""
+        """Return whether all conditions are proved to hold at points of shape (k, N)."""
         found = enclosures(self._all, self.ranges(points, points))
         return np.all([np.broadcast_to(box[0], points.shape[1]) >= 0.0 for box in found], axis=0)
 
@@ -302,8 +302,8 @@ class _Covering:
         return np.where(np.all(np.isfinite(total), axis=0), total, 0.0)
 
     def _between_outsides(self, low: Array, high: Array) -> Array:
-        """Whether boxes are between neighbouring floating-point numbers neither of which is in the
-        set: at a jump a formula has one of two values, and none between them."""
+        """Return whether boxes are between neighbouring floating-point numbers neither of which is
+        in the set: at a jump a formula has one of two values, and none between them."""
         gone = np.zeros(low.shape[1], bool)
         for i in range(len(low)):
             thin = np.flatnonzero((high[i] <= np.nextafter(low[i], math.inf)) & ~gone)

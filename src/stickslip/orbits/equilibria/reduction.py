@@ -170,7 +170,7 @@ class _Elimination:
         self.given[x] = value
 
     def _vanishes(self, e: Expr) -> bool:
-        """Whether an equation without unknowns holds up to rounding."""
+        """Return whether an equation without unknowns holds up to rounding."""
         terms = list(e.terms) if e.op == "sum" else [(e, 1.0)]
         parts = [float(e.value) if e.op == "sum" else 0.0]
         parts += [c * ex.evaluate(term, self.values) for term, c in terms]

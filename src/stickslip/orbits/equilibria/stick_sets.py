@@ -97,12 +97,12 @@ class Conditions:
         return self.equations.affine and self.guards.affine
 
     def affine_by_regions(self, kinks: Iterable[Expr]) -> bool:
-        """Whether the set is a polyhedron in each region of the kinks."""
+        """Return whether the set is a polyhedron in each region of the kinks."""
         free = frozenset(self.unknowns)
         return all(_affine_pieces(e, free) for e in (*self.equal, *self.nonnegative, *kinks))
 
     def meets(self, other: Conditions) -> bool:
-        """Whether two polyhedra of the same states have a point in common."""
+        """Return whether two polyhedra of the same states have a point in common."""
         own = {x: ex.sym(f"other {x}") for x in other.unknowns if x not in self.states}
         also = [[ex.substitute(e, own) for e in part] for part in (other.equal, other.nonnegative)]
         both = Conditions(
@@ -233,7 +233,7 @@ def _optimum(
 
 
 def _affine_pieces(e: Expr, unknowns: frozenset[str]) -> bool:
-    """Whether an expression is affine in each region of its kinks."""
+    """Return whether an expression is affine in each region of its kinks."""
     if any(n.op != "select" and ex.has_pieces(n) and n.symbols & unknowns for n in ex.walk([e])):
         return False
     guards = {n.args[0] for n in ex.walk([e]) if n.op == "select"}

@@ -108,7 +108,8 @@ class Reading:
         return found[:, kept]
 
     def winds(self, states: list[str], values: Mapping[str, float]) -> bool:
-        """Whether some shift of the state alone leaves the lines unchanged, and changes a phase."""
+        """Return whether some shift of the state alone leaves the lines unchanged, and changes a
+        phase."""
         return bool(np.any(self._turned(states, values)[2]))
 
     def cells(self, states: list[str], values: Mapping[str, float]) -> Array:
@@ -188,7 +189,7 @@ def _echelon(directions: Array) -> Array:
 
 
 def _leaves(rows: list[Slopes], states: list[str], shift: Array) -> bool:
-    """Whether a shift leaves lines and phases structurally unchanged."""
+    """Return whether a shift leaves lines and phases structurally unchanged."""
     weights = {x: float(w) for x, w in zip(states, shift, strict=True) if w != 0.0}
     return all(
         ex.add(*((slope, weights[x]) for x, slope in row.items() if x in weights)) is ex.ZERO

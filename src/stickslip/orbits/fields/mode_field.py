@@ -109,8 +109,8 @@ class Piece:
         return np.moveaxis(values.reshape(-1, 1 + len(y), len(t)), -1, 0)
 
     def rests(self, contact: int, t: float, y: Array, p: Array) -> bool:
-        """Whether the constraints of the sticking contacts hold another contact with mass at rest:
-        its velocity is zero for all admissible states, whatever its mode."""
+        """Return whether the constraints of the sticking contacts hold another contact with mass at
+        rest: its velocity is zero for all admissible states, whatever its mode."""
         c = self.field.contacts[contact]
         if c.kind != Kind.INERTIAL or c.loose:
             return False

@@ -273,8 +273,8 @@ def _in_turn(
 def _meets(
     piece: Piece, others: list[int], at: tuple[float, Array, Array], landing: Landing
 ) -> bool:
-    """Whether an impact leaves another contact, which it moves, with velocity exactly zero: it then
-    closes in some neighbouring motions, but not in others.
+    """Return whether an impact leaves another contact, which it moves, with velocity exactly zero:
+    it then closes in some neighbouring motions, but not in others.
 
     Parameters
     ----------
@@ -501,8 +501,8 @@ def _is_corner(
     landing: Landing,
     p: Array,
 ) -> bool:
-    """Whether other modes of an impact lead to the same state with other derivatives: an impulse is
-    exactly zero, or exactly at its threshold.
+    """Return whether other modes of an impact lead to the same state with other derivatives: an
+    impulse is exactly zero, or exactly at its threshold.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ class Symmetry:
 
 
 def alike(a: Symmetry, b: Symmetry) -> bool:
-    """Whether two symmetries are equal, up to rounding."""
+    """Return whether two symmetries are equal, up to rounding."""
     if a.driven != b.driven or a.shifts.shape != b.shifts.shape:
         return False
     together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])

@@ -48,7 +48,7 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
 
 
 def flies(motion: Trajectory) -> bool:
-    """Whether closed forms are worthwhile even if each motion needs separate ones for its
+    """Return whether closed forms are worthwhile even if each motion needs separate ones for its
     parameters: if flights are very long compared with their fastest time scale."""
     forms = motion.problem.closed_forms
     shortest = forms.shortest[forms.flown == 1]

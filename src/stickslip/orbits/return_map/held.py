@@ -98,12 +98,12 @@ def released(held: Sequence[Held], sizes: Array) -> Array:
 
 
 def same_held(a: Sequence[Held], b: Sequence[Held]) -> bool:
-    """Whether the same contacts are held."""
+    """Return whether the same contacts are held."""
     return [h.contact for h in a] == [h.contact for h in b]
 
 
 def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
-    """Whether a contact slips in any of the motions."""
+    """Return whether a contact slips in any of the motions."""
     return any(
         bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions
     )

@@ -78,7 +78,7 @@ def _without_bounces(phases: list[tuple[ModeAndRegion, int]]) -> list[ModeAndReg
 
 
 def is_open(s: Sequence) -> bool:
-    """Whether it is the sequence of a motion that is not a cycle."""
+    """Return whether it is the sequence of a motion that is not a cycle."""
     return len(s) > 1 and s[0] == s[-1]
 
 
@@ -149,7 +149,7 @@ def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, Mode
 
 
 def _at_smooth_knots(equations: MotionEquations, a: ModeAndRegion, b: ModeAndRegion) -> bool:
-    """Whether two phases differ only by smooth knots."""
+    """Return whether two phases differ only by smooth knots."""
     passed = [g for g, m, n in zip(equations.kinks, a[1], b[1], strict=True) if m != n]
     return a[0] == b[0] and all(map(is_smooth_knot, passed))
 

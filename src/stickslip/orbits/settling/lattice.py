@@ -133,13 +133,13 @@ def unrelated(equations: MotionEquations, zero: frozenset[str]) -> dict[str, flo
 
 
 def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
-    """Whether the system may have cells, for given zero parameters; cached."""
+    """Return whether the system may have cells, for given zero parameters; cached."""
     return made_once(equations, "may have cells", lambda: _has_cells(equations, zero), zero)
 
 
 def _has_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
-    """Whether some shift of the state alone leaves all lines unchanged and changes a phase, for
-    generic values of the parameters."""
+    """Return whether some shift of the state alone leaves all lines unchanged and changes a phase,
+    for generic values of the parameters."""
     frame = moving_frame(equations, zero)
     try:
         return frame.reading.winds(frame.states, unrelated(equations, zero))

@@ -493,16 +493,16 @@ class Here:
         exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found)
 
     def ask(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def answer(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def fetch(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def remember(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:

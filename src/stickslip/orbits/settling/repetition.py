@@ -70,7 +70,7 @@ def _advance(slopes: Slopes, velocity: Mapping[str, float]) -> float:
 
 
 def repeats(waves: frozenset[float] | None, period: float) -> bool:
-    """Whether a period is a multiple of the periods of all frequencies."""
+    """Return whether a period is a multiple of the periods of all frequencies."""
     turns = [rate * period / (2.0 * math.pi) for rate in waves or ()]
     return waves is not None and all(
         round(n) > 0 and abs(n - round(n)) <= _WHOLE * n for n in turns

@@ -104,7 +104,7 @@ class _Neighbourhood:
         return y if y is not None and self._stays_near(y) else None
 
     def _stands(self) -> bool:
-        """Whether the state is constant, up to translation."""
+        """Return whether the state is constant, up to translation."""
         if np.any(self._rates(self.y)):
             return False
         here = self.piece.leave(self.t, self.y, self.p)
@@ -181,7 +181,7 @@ class _Neighbourhood:
         return self.basis.T @ (J * self.units / self.units[:, None]) @ self.basis
 
     def _inert(self, g: int, y: Array) -> bool:
-        """Whether the zero of a guard has no effect, as for a contact without friction."""
+        """Return whether the zero of a guard has no effect, as for a contact without friction."""
         switch = int(self.piece.switches[g])
         now = self.piece.setting(switch)
         kinks = len(self.piece.field.region)

@@ -32,7 +32,7 @@ def elapsed_of(marks: Marks, rules: Rules, saved: Lane) -> Array:
 
 
 def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
-    """Whether a motion changes slowly from return to return.
+    """Return whether a motion changes slowly from return to return.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Arra
 
 
 def _goes_on(change: Array, lag: int) -> bool:
-    """Whether changes over a lag add up, or rotate and change by a constant factor."""
+    """Return whether changes over a lag add up, or rotate and change by a constant factor."""
     chain = change[(len(change) - 1) % lag :: lag]
     missed = np.linalg.norm(chain, axis=1)
     if len(missed) < _RETURNS or not np.all(missed > 0.0):

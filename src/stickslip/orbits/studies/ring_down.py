@@ -296,7 +296,7 @@ def ring_down(
 
 
 def _arrived(outcome: Outcome) -> bool:
-    """Whether a motion reached the end of its span, or permanent rest."""
+    """Return whether a motion reached the end of its span, or permanent rest."""
     return outcome.ok or outcome is Outcome.AT_REST
 
 

@@ -126,7 +126,7 @@ def turning_points(followed: SwingTrace) -> TurningPoints:
 
 
 def _switched(followed: SwingTrace, step: int, clock: float) -> bool:
-    """Whether a time is that of a switch: a decaying oscillation never comes to rest."""
+    """Return whether a time is that of a switch: a decaying oscillation never comes to rest."""
     k = followed.motion.knots
     knot = step + 1 if clock == k.clock[step + 1] else step
     return bool(clock == k.clock[knot] and k.cause[knot] >= 0)

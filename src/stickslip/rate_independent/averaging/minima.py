@@ -91,7 +91,7 @@ def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
 
 
 def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
-    """Whether the middle of three samples is least, and not all are equal."""
+    """Return whether the middle of three samples is least, and not all are equal."""
     return (here <= before) & (here <= after) & ((here < before) | (here < after))
 
 

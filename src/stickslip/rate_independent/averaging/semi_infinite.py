@@ -127,7 +127,7 @@ class Intersection(Average):
         return not self._beyond(xi, noise) and _worst(self._look(xi)) <= noise
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
+        """Return whether ξ lies in every K(s), up to the tolerance of the average at least."""
         xi = self.vector(xi, "xi")
         enough = max(tolerance * float(np.linalg.norm(xi)), self.tolerance * self.size)
         return self.cover.look(xi, enough).bound <= enough
@@ -213,7 +213,8 @@ class Intersection(Average):
         return np.full((_LOOKS, self.dimension), np.inf)
 
     def _beyond(self, xi: Array, least: float) -> bool:
-        """Whether the excess of ξ is larger than a limit at the phases of the last multipliers."""
+        """Return whether the excess of ξ is larger than a limit at the phases of the last
+        multipliers."""
         sets = self._forces[-1].sets if self._forces else None
         return sets is not None and float(sets.excess(xi).max()) > least
 

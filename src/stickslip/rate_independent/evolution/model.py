@@ -320,5 +320,5 @@ def _evaluated(scope: Scope, value: Any, where: str) -> Any:
 
 
 def _absent(table: object) -> bool:
-    """Whether a table was omitted; a NumPy number cannot be compared with ()."""
+    """Return whether a table was omitted; a NumPy number cannot be compared with ()."""
     return isinstance(table, tuple) and not table

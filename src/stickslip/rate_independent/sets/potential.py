@@ -217,8 +217,8 @@ class Dissipation(ABC):
 
     @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` relative to the length of ξ, or to
-        the extent of K(s) in its direction."""
+        """Return whether ξ, shape (n,), lies in K(s), up to `tolerance` relative to the length of
+        ξ, or to the extent of K(s) in its direction."""
         xi = self.vector(xi, "xi")
         beyond = xi - self.member(xi, s)
         distance = float(np.linalg.norm(beyond))
@@ -256,7 +256,7 @@ class Dissipation(ABC):
         return length / reach if reach > LAST_DIGITS * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
         return self.excess(xi, s) <= noise
 
     def sampled(self, phases: Array) -> AtPhases:

@@ -210,7 +210,8 @@ class Discs:
         return {"radii": self.radii[k if len(self.radii) > 1 else 0]}
 
     def holds(self, xi: Array, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single
+        row."""
         return bool((self._norms(xi[None]) <= self.radii + noise).all())
 
     def nearest(self, xi: Array, metric: Array) -> Array:
@@ -306,7 +307,8 @@ class ConvexSets:
         return xi - self._for(xi).nearest(xi)
 
     def holds(self, xi: Array, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single
+        row."""
         return self.dissipation.holds(xi, float(self.phases[0]), noise)
 
     def nearest(self, xi: Array, metric: Array) -> Array:

@@ -275,7 +275,7 @@ def wrapped(s: Any) -> Any:
 
 
 def same_array(one: Array, other: Array) -> bool:
-    """Whether two arrays agree up to the rounding of a smooth function."""
+    """Return whether two arrays agree up to the rounding of a smooth function."""
     return one.shape == other.shape and bool(
         np.allclose(one, other, rtol=SAME_VALUE, atol=SAME_VALUE * np.abs(one).max(initial=0))
     )

@@ -54,7 +54,7 @@ def make_block_space(m: int) -> BlockSpace:
 
 @compiled()
 def may_move(d: Matrix, i: int) -> bool:
-    """Whether node i has an increment."""
+    """Return whether node i has an increment."""
     moving = False
     for c in range(d.shape[1]):
         moving = moving or d[i, c] != 0.0

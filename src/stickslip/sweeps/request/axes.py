@@ -97,7 +97,8 @@ class Axis:
         return found
 
     def same_as(self, other: Axis) -> bool:
-        """Whether it has the same names and, up to rounding, the same values in the same order."""
+        """Return whether it has the same names and, up to rounding, the same values in the same
+        order."""
         if self.names != other.names or len(self) != len(other):
             return False
         scale = np.max(np.abs(self.values), axis=1, initial=0.0, keepdims=True)

@@ -163,13 +163,13 @@ MEASURES = {
 
 
 def known_for_a_time(system: System) -> bool:
-    """Whether a drive of the system is defined for a limited time only, so that no motion settles;
-    the motion over the declared span is then measured."""
+    """Return whether a drive of the system is defined for a limited time only, so that no motion
+    settles; the motion over the declared span is then measured."""
     return any(drive.ends for drive in system.declaration.given.values())
 
 
 def needs_close_look(system: System, measures: Sequence[str]) -> bool:
-    """Whether one of the measures needs more than the knots; rejects unknown measures.
+    """Return whether one of the measures needs more than the knots; rejects unknown measures.
 
     Raises
     ------
@@ -183,7 +183,8 @@ def needs_close_look(system: System, measures: Sequence[str]) -> bool:
 
 
 def _of_formula(system: System, measure: str) -> bool:
-    """Whether a measure is of a formula, since the engine accumulates sums of the state alone."""
+    """Return whether a measure is of a formula, since the engine accumulates sums of the state
+    alone."""
     name, _, of = measure.partition(":")
     known = MEASURES[name]
     both = known.rule is not None and known.again is not None

@@ -203,7 +203,7 @@ def _check_drive(system: System, of: str) -> None:
 
 
 def _oscillates(formula: Expr) -> bool:
-    """Whether a formula has a wave in time, or a term that is not a sum of waves."""
+    """Return whether a formula has a wave in time, or a term that is not a sum of waves."""
     if "t" not in formula.symbols:
         return False
     inside = [*formula.args, *(base for base, _ in formula.terms)]
@@ -211,7 +211,7 @@ def _oscillates(formula: Expr) -> bool:
 
 
 def driven(system: System) -> bool:
-    """Whether a system has drives of a constant frequency."""
+    """Return whether a system has drives of a constant frequency."""
     return bool(derive(system.declaration).frequencies)
 
 

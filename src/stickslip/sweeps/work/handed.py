@@ -73,8 +73,8 @@ def handed_on(
 def _repeats(
     system: System, parameters: Mapping[str, float], moving: Array, begin: float, period: float
 ) -> bool:
-    """Whether a system is invariant under a period, or under any time shift if there is none, in a
-    moving frame, after a given time.
+    """Return whether a system is invariant under a period, or under any time shift if there is
+    none, in a moving frame, after a given time.
 
     Parameters
     ----------

@@ -341,7 +341,7 @@ def distribute(
 
 
 def _worker_died(error: Exception) -> bool:
-    """Whether a task failed because its worker died."""
+    """Return whether a task failed because its worker died."""
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 

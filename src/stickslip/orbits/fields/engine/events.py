@@ -103,8 +103,8 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
 
 @compiled()
 def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) -> bool:
-    """Whether events that coincide do so for all neighbouring motions, so that they are a single
-    event.
+    """Return whether events that coincide do so for all neighbouring motions, so that they are a
+    single event.
 
     Parameters
     ----------
@@ -225,14 +225,14 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 @compiled()
 def moves_masses_in_plane(rows: Rows, c: int) -> bool:
-    """Whether a contact is planar, and moves masses."""
+    """Return whether a contact is planar, and moves masses."""
     return bool(rows.plane[c] >= 0 and plane_of(rows, c)[MASSIVE] == 1)
 
 
 @compiled()
 def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
-    """Whether a planar slip, or a slip of a contact that may share forces with a planar one, begins
-    or ends at a knot, or passes through rest.
+    """Return whether a planar slip, or a slip of a contact that may share forces with a planar one,
+    begins or ends at a knot, or passes through rest.
 
     Parameters
     ----------
@@ -259,9 +259,9 @@ def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) 
 
 @compiled()
 def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
-    """Whether the state jumps at a knot (a gap has closed, or a declared jump occurred), or a
-    planar slip, or a slip of contacts that share forces, begins, ends or reverses, where its field
-    is undefined.
+    """Return whether the state jumps at a knot (a gap has closed, or a declared jump occurred), or
+    a planar slip, or a slip of contacts that share forces, begins, ends or reverses, where its
+    field is undefined.
 
     Parameters
     ----------

@@ -74,14 +74,14 @@ _LEFT, _WEIGHED, _COEFFICIENTS = _legendre()
 
 @compiled(inline=True)
 def spans_many(listed: Listed, run: Pass, w: int, h: float) -> bool:
-    """Whether a step by eigenvalues is cheaper."""
+    """Return whether a step by eigenvalues is cheaper."""
     many = MANY if run.knots.state.shape[1] < LARGE else 1
     return bool(h * max(run.drives, listed.spectra.rate[w]) > many * PADE_REACH)
 
 
 @compiled(inline=True)
 def by_eigenvalues(listed: Listed, run: Pass, i: int) -> bool:
-    """Whether the step from a knot is taken by eigenvalues."""
+    """Return whether the step from a knot is taken by eigenvalues."""
     w = run.piece[i]
     if run.modal == 0 or listed.steady[w] == 0 or listed.spectra.state[w] != DECOMPOSED:
         return False

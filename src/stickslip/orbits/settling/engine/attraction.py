@@ -411,7 +411,7 @@ def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) 
 
 @compiled()
 def nearly_equal(A: Array, B: Array) -> bool:
-    """Whether two matrices are equal up to rounding."""
+    """Return whether two matrices are equal up to rounding."""
     size = 0.0
     apart = 0.0
     for r in range(len(A)):
@@ -464,7 +464,7 @@ def put_image(M: Array, v: Array, out: Array) -> None:
 
 @compiled()
 def ends_here(rules: Rules, c: Claims) -> bool:
-    """Whether the deviation of the true motion vanishes in the limit."""
+    """Return whether the deviation of the true motion vanishes in the limit."""
     power, square = c.squares[0], c.squares[1]
     put_matrix(c.after[0], power)
     for _ in range(_AT_LAST):
@@ -477,8 +477,8 @@ def ends_here(rules: Rules, c: Claims) -> bool:
 
 @compiled()
 def comes_home(c: Claims) -> bool:
-    """Whether the curvature of the return map, as observed in the true motion, is negligible until
-    convergence."""
+    """Return whether the curvature of the return map, as observed in the true motion, is negligible
+    until convergence."""
     M = c.after[0]
     now, later = c.deviation[_NOW], c.deviation[_LATER]
     first = norm(c.deviation[_HERE])
@@ -504,8 +504,8 @@ def comes_home(c: Claims) -> bool:
 def keeps_its_word(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, word: int
 ) -> bool:
-    """Whether returns from the remaining deviations of the motion have the mode sequence of the
-    cycle.
+    """Return whether returns from the remaining deviations of the motion have the mode sequence of
+    the cycle.
 
     Parameters
     ----------
@@ -539,7 +539,7 @@ def keeps_its_word(
 
 @compiled()
 def covered(c: Claims, known: int, v: Array) -> bool:
-    """Whether a deviation is in a narrow cone around a longer one that has been followed."""
+    """Return whether a deviation is in a narrow cone around a longer one that has been followed."""
     length = norm(v)
     for k in range(known):
         p = c.followed[k]

@@ -143,8 +143,8 @@ def cross_plane(
 
 @compiled()
 def starts_there(m: Marks, i: int, t: float) -> bool:
-    """Whether an extrapolated motion, which starts in the plane up to rounding, is still in it at a
-    time."""
+    """Return whether an extrapolated motion, which starts in the plane up to rounding, is still in
+    it at a time."""
     ring = m.time.shape[1]
     last = m.numbers[i, COUNT] - 1
     start = m.time[i, last % ring]

@@ -117,7 +117,8 @@ def consider(
 
 @compiled()
 def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
-    """Whether an extrapolated motion does not return: the extrapolated state may lead to rest."""
+    """Return whether an extrapolated motion does not return: the extrapolated state may lead to
+    rest."""
     ring = m.time.shape[1]
     last = m.numbers[i, COUNT] - 1
     period = m.time[i, last % ring] - m.time[i, (last - m.numbers[i, LAG]) % ring]

@@ -183,7 +183,7 @@ def measure(
 
 @compiled()
 def framed(m: Marks, i: int) -> bool:
-    """Whether a lane is compared in a moving frame, or modulo cells."""
+    """Return whether a lane is compared in a moving frame, or modulo cells."""
     total = float(m.cells.shape[1])
     for r in range(m.frame.shape[1]):
         total += abs(m.frame[i, r])
@@ -493,7 +493,8 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
 
 @compiled()
 def deceives(outcome: int, change: float, closure: float) -> bool:
-    """Whether the state returned, but the forces on it did not: a load that is not periodic."""
+    """Return whether the state returned, but the forces on it did not: a load that is not
+    periodic."""
     return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 

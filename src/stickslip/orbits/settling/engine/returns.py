@@ -196,7 +196,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
 
 @compiled()
 def same_kind(m: Marks, i: int, back: int) -> bool:
-    """Whether the last mark has the same kind as the mark a lag before it."""
+    """Return whether the last mark has the same kind as the mark a lag before it."""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
@@ -264,7 +264,7 @@ def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
 
 @compiled()
 def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
-    """Whether the estimated remaining distance to the cycle, d + dq + dq² + …, is below the
+    """Return whether the estimated remaining distance to the cycle, d + dq + dq² + …, is below the
     tolerance."""
     numbers = m.numbers[i]
     ring = m.time.shape[1]
@@ -464,7 +464,7 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
 
 @compiled()
 def dies_away(fit: Array, k: int) -> bool:
-    """Whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
+    """Return whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
 
     Parameters
     ----------

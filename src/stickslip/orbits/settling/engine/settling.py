@@ -207,8 +207,8 @@ def claim_rest(e: Engine, m: Marks, mode: Array, i: int) -> None:
 def dies_out(
     e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
 ) -> bool:
-    """Whether the rates of a lane, without frame and translation, are too small for a further
-    change.
+    """Return whether the rates of a lane, without frame and translation, are too small for a
+    further change.
 
     Parameters
     ----------
