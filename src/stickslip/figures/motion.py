@@ -128,7 +128,7 @@ class _Overview:
         self.held = [
             key
             for key in map(contact_key, self.system.constraints)
-            if key in self.contacts and not self.rubs(key)
+            if key in self.contacts and not self.has_friction(key)
         ]
         self.motion = SampledMotion(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
@@ -153,13 +153,13 @@ class _Overview:
                 )
         return set(known if coordinates is None else coordinates)
 
-    def rubs(self, key: str) -> bool:
+    def has_friction(self, key: str) -> bool:
         """Return whether a contact has friction."""
         return any(contact_key(name) == key for name in self.system.rubbing)
 
     def is_held(self, key: str) -> bool:
         """Return whether to plot the friction force of a contact: it is closed at some time."""
-        if not self.rubs(key):
+        if not self.has_friction(key):
             return False
         closed = self.modes[key] != IS_OPEN
         time = self.motion.time
@@ -179,7 +179,9 @@ class _Overview:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state, *self.system.unknowns, *self.system.outputs]
         if len(self.contacts) <= MANY_LINES:
-            rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
+            rubbing = [
+                key for key in self.contacts if self.has_friction(key) and key not in self.in_plane
+            ]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
             names += [name for plane in self.in_plane.values() for name in plane.traced]
             names += [f"gap_{key}" for key in self.opening]
@@ -546,7 +548,7 @@ class _Overview:
     def plane(self, across: list[str], up: list[str], curve: Curve) -> Callable[[Axes], None]:
         """A plane of two quantities, each a variable or the difference of two."""
 
-        rubbing = any(map(self.rubs, self.contacts))
+        rubbing = any(map(self.has_friction, self.contacts))
 
         def panel(axes: Axes) -> None:
             x, y, sticking = curve.points()

@@ -37,7 +37,7 @@ from stickslip.progress import told
 from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
-from stickslip.sweeps.request.measures import LACKING, known_for_a_time
+from stickslip.sweeps.request.measures import LACKING, ends_with_samples
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
@@ -196,7 +196,7 @@ def basin(
     settings = settings or Settings()
     check_limit(time_limit)
     system = with_span(system, span)
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         raise DeclarationError(
             "basin",
             f"the samples that drive {system.name} end, so no motion settles",
@@ -260,8 +260,8 @@ def _classified(
             for x, slope in system.start_slope(name).items():
                 sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
         with watching():  # an interrupt ends the complete classification
-            census = _Census(problem, found, sizes)
-        label[done], reached = census.label, census.reached
+            classes = _Classification(problem, found, sizes)
+        label[done], reached = classes.label, classes.reached
         lacks[done] = found.lacking
     return _dataset(system, varying, label, reached, lacks, interrupted)
 
@@ -316,7 +316,7 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
     return axes
 
 
-class _Census:
+class _Classification:
     """Classification of motions by their attractors.
 
     Attributes

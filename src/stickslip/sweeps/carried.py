@@ -2,7 +2,7 @@
 an experiment.
 
 Frequency responses use the cycle; maps, which carry the state in the same way
-(:mod:`stickslip.sweeps.work.handed`), use measures of the settled motions.
+(:mod:`stickslip.sweeps.work.carried_state`), use measures of the settled motions.
 """
 
 from __future__ import annotations
@@ -17,10 +17,15 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
-from stickslip.orbits.cycles.finding import repels
+from stickslip.orbits.cycles.finding import is_unstable
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.following import follow_freely
-from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, taken_up
+from stickslip.sweeps.work.carried_state import (
+    CarriedState,
+    carried_state,
+    period_of_drives,
+    resumed_state,
+)
 
 _NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there
 _THERE = 1e-9  # in units of the cycle: no distance
@@ -67,7 +72,7 @@ def carried(
     followed : bool
         Whether it is the previous cycle, continued to the new value.
     """
-    handed: Handed | None = None
+    handed: CarriedState | None = None
     cycle: Cycle | None = None
     for i, value in enumerate(values):
         if progress is not None:
@@ -78,7 +83,7 @@ def carried(
             state, start = problem.initial_state(initial or {}), system.span[0]
             settle_friction(derive(system.declaration), own, state[None], start)
         else:
-            start, state = taken_up(system, handed, own)
+            start, state = resumed_state(system, handed, own)
         before, cycle = cycle, None
         there = [*known(float(value))] if known is not None else []
         there.sort(key=lambda seen: seen.closed.distance(state, start))
@@ -95,12 +100,12 @@ def carried(
                 cycle = find_cycle(system, motion)
             except ConvergenceError as failure:
                 last = motion.knots
-                handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
+                handed = carried_state(system, own, float(last.time[-1]), last.state[-1])
                 yield str(failure), False
                 continue
         place = cycle.closed.orbit.legs[0].place.state
         rate = cycle.closed.orbit.shift / cycle.period
-        handed = handed_on(system, own, cycle.time, place, rate)
+        handed = carried_state(system, own, cycle.time, place, rate)
         yield cycle, followed
 
 
@@ -139,7 +144,7 @@ def _approached(cycle: Cycle, time: float, state: Array) -> bool:
     """Return whether the motion from a state approaches a cycle that is not unstable."""
     closed = cycle.closed
     # Where a contact rests that never slips is told by a motion, not by a neighbour.
-    if closed.shooting.setting.held or repels(closed):
+    if closed.shooting.setting.held or is_unstable(closed):
         return False
     first = closed.distance(state, time)
     last = first

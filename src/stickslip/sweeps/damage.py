@@ -130,7 +130,7 @@ def faults(
     """
     *others, last = names
     found = Faults([], [], [])
-    told = _tells_places(path)
+    told = _contains_places(path)
     for chunk in _chunks(array):
         states = {name: _sound(path, name, chunk, told) for name in names}
         if states[last] is None and any(states.values()):
@@ -166,7 +166,7 @@ def _chunks(array: Mapping[str, Any]) -> Iterator[Chunk]:
     return product(*(range(count) for count in counts))
 
 
-def _tells_places(path: Path) -> bool:
+def _contains_places(path: Path) -> bool:
     """Return whether the chunks of a store contain their places."""
     return _read(path / _DESCRIPTION)["attributes"].get(checksums.LAYOUT) == _LAYOUT
 

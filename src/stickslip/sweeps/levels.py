@@ -64,7 +64,7 @@ class Level:
     fixed: dict[str, float]
 
     @cached_property
-    def told_by(self) -> str:
+    def distinguished_by(self) -> str:
         """Coordinate that distinguishes cycles, since an output may be equal for all."""
         first = first_coordinate(self.system)
         places = [x for x in (self.coordinate, first) if x in self.system.places]

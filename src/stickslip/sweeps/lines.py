@@ -303,7 +303,7 @@ def _follow(
     cycles = list[Cycle]()
     for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
-        x = wanted.told_by
+        x = wanted.distinguished_by
         cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     for cycle in cycles:
@@ -360,7 +360,7 @@ class _OnLines:
         """Return whether a line contains a cycle."""
         wanted = self.lines.wanted
         there = self._of(branch, cycle.parameters[wanted.parameter])
-        return any(_alike(cycle, c, wanted.told_by) for c in there)
+        return any(_alike(cycle, c, wanted.distinguished_by) for c in there)
 
 
 def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
@@ -383,10 +383,10 @@ def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
 def _spans(wanted: Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]:
     """Pairs of neighbouring points of a branch that enclose a cycle, judged by amplitude and first
     harmonic, the nearer one first."""
-    numbers = _along(branch, wanted.told_by)
+    numbers = _along(branch, wanted.distinguished_by)
     where = branch.points[wanted.parameter].values
     at = cycle.parameters[wanted.parameter]
-    own = _numbers(cycle, wanted.told_by)
+    own = _numbers(cycle, wanted.distinguished_by)
     small = _SAME * float(np.max(np.abs(numbers)))
     found = []
     for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0).tolist():

@@ -28,7 +28,7 @@ from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.carry import read_carry
-from stickslip.sweeps.request.measures import known_for_a_time
+from stickslip.sweeps.request.measures import ends_with_samples
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.records import Driven, Under, read_records
 from stickslip.sweeps.request.user_measures import read_measures
@@ -249,7 +249,7 @@ def make_plan(
         raise DeclarationError(
             "carry", "the state cannot be carried from one record to the next", "Remove it"
         )
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
             raise DeclarationError(
@@ -353,18 +353,18 @@ def compute_missing(
     work = work_of(store.plan, device, time_limit)
     if pool.scheduler == "processes":
         check_sendable(work)
-    tell = _Teller(store, progress)
+    tell = _Reporter(store, progress)
     wanted: Iterator[Array | None] = iter([None]) if adaptive is None else rounds(store, adaptive)
     with pool, listening(pool.flag) as stop:
         for points in wanted:
             _fill(store, work, points, pool, stop, tell)
-            if stop.wished:
+            if stop.requested:
                 return False
     return True
 
 
 def _fill(
-    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Teller
+    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Reporter
 ) -> None:
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
@@ -435,7 +435,7 @@ def _work(work: Work, task: Batch) -> dict[str, Array]:
     return compute(work, task.columns, task.runs)
 
 
-class _Teller:
+class _Reporter:
     """Counts completed points, for progress reports."""
 
     def __init__(self, store: MapStore, listener: Callable[[Progress], None] | None) -> None:

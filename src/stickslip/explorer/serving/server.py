@@ -201,22 +201,22 @@ def _application(place: Listening, pool: WorkerPool):
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
 
+    from stickslip.explorer.serving.access import AccessRules, Guarded, Leaving, check_bokeh
     from stickslip.explorer.serving.document import page_maker
-    from stickslip.explorer.serving.doors import Doors, Guarded, Leaving, check_bokeh
 
     check_bokeh()
     logging.getLogger("bokeh").setLevel(logging.CRITICAL)
     for name in ("tornado.access", "tornado.application", "tornado.general"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    doors = Doors(_names(place))
-    doors.token = place.token
+    access = AccessRules(_names(place))
+    access.token = place.token
     make = page_maker(pool, place.given)
     port = place.sockets[0].getsockname()[1]
     application = Guarded(
         {"/": Application(FunctionHandler(make), Leaving())},
-        doors=doors,
+        access=access,
         most_pages=place.most_pages,
-        extra_websocket_origins=[f"{name}:{port}" for name in doors.names],
+        extra_websocket_origins=[f"{name}:{port}" for name in access.names],
         secret_key=secrets.token_bytes(32),
         sign_sessions=True,
         generate_session_ids=True,

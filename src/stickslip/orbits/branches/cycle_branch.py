@@ -243,7 +243,7 @@ class _Follower:
             bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
             if bent is not None:
                 where = f"{self.parameter} = {bent.cycle.parameters[self.parameter]:.12g}"
-                if self._was_here(stations, bent):
+                if self._passed_before(stations, bent):
                     return Ending(
                         Stop.LOST,
                         f"the branch returns to {where} and would repeat without end; one of its "
@@ -323,7 +323,7 @@ class _Follower:
                 chart = chart.carrying(held.contact, 0)
         return chart
 
-    def _was_here(self, stations: list[_Station], bent: Corner) -> bool:
+    def _passed_before(self, stations: list[_Station], bent: Corner) -> bool:
         """Return whether the branch has passed a corner before; if so, note it as a special point
         that has not been solved for."""
         value = bent.cycle.parameters[self.parameter]
@@ -388,7 +388,7 @@ class _Follower:
             )
         if len(stations) > self.steps.most:
             return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached")
-        return _CLOSED if self._came_back(stations, before) else None
+        return _CLOSED if self._returned_to_start(stations, before) else None
 
     def _event_in_words(self, name: Test | None, stations: list[_Station]) -> str:
         """Describe the event at the zero of a test function that ends the branch."""
@@ -471,7 +471,7 @@ class _Follower:
         ranges = cycle.ranges[:, 1] - cycle.ranges[:, 0]
         return float(np.max(ranges / self.extent.modulus))
 
-    def _came_back(self, stations: list[_Station], before: int) -> bool:
+    def _returned_to_start(self, stations: list[_Station], before: int) -> bool:
         """Return whether a step after the given point has passed the start of the branch."""
         if len(stations) <= 2 * _IN_CHART:
             return False

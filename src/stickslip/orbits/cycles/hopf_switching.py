@@ -46,7 +46,9 @@ class _Seed:
     period: float
 
 
-def born_at(system: System, point: SpecialPoint, parameters: Mapping[str, float] | None) -> Closed:
+def emanating_cycle(
+    system: System, point: SpecialPoint, parameters: Mapping[str, float] | None
+) -> Closed:
     """A cycle of the family that emerges from a Hopf point.
 
     Raises

@@ -150,8 +150,12 @@ def enclosed(
     )  # (k, m, 2, N)
     slope_low, slope_high = slope[:, :, 0].swapaxes(0, 1), slope[:, :, 1].swapaxes(0, 1)
     before, behind = low - middle, high - middle
-    up = np.maximum(times_way(slope_high, behind), times_way(slope_low, before))
-    down = np.minimum(times_way(slope_low, behind), times_way(slope_high, before))
+    up = np.maximum(
+        slope_times_distance(slope_high, behind), slope_times_distance(slope_low, before)
+    )
+    down = np.minimum(
+        slope_times_distance(slope_low, behind), slope_times_distance(slope_high, before)
+    )
     up, down = np.maximum(up, 0.0).sum(axis=1), np.minimum(down, 0.0).sum(axis=1)
     slack = LOOSE * (2 + len(of.names)) * (np.abs(at).max(axis=1) + np.maximum(up, -down))
     fine = np.all(value[:needed, 0] >= 0.0, axis=0)
@@ -175,7 +179,7 @@ def enclosed(
     )
 
 
-def times_way(slope: Array, way: Array) -> Array:
+def slope_times_distance(slope: Array, way: Array) -> Array:
     """Products of slopes and distances, with 0 · ∞ = 0."""
     return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
 

@@ -29,7 +29,7 @@ from stickslip.orbits.equilibria.box_bounds import (
     domain,
     enclosed,
     far_out,
-    times_way,
+    slope_times_distance,
 )
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures
@@ -273,15 +273,18 @@ class _Covering:
         outside = np.any(found.high < 0.0, axis=0) | self._between_outsides(low, high)
         self.inside[new] = ~np.any(unsure, axis=0) & ~outside
         width = high - low
-        self.own[:, new] = own = self._uphill(found, unsure, width)
+        self.own[:, new] = own = self._ascent(found, unsure, width)
         for j, d in enumerate([*self.directions[:, :, None], own]):
             ways = d * np.where(d == 0.0, 0.0, width)
-            rates = np.minimum(times_way(found.slope_low, ways), times_way(found.slope_high, ways))
+            rates = np.minimum(
+                slope_times_distance(found.slope_low, ways),
+                slope_times_distance(found.slope_high, ways),
+            )
             least = rates.sum(axis=1) - 4.0 * LOOSE * np.abs(rates).sum(axis=1)
             risen = np.all(~unsure | (least >= 0.0), axis=0) & np.any(ways != 0.0, axis=0)
             self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
-        change = np.where(unsure[:, None], times_way(steep, width), 0.0)
+        change = np.where(unsure[:, None], slope_times_distance(steep, width), 0.0)
         change = np.where(np.isfinite(change), change, 0.0)
         most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
         part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
@@ -291,7 +294,7 @@ class _Covering:
         self.smear[new] = np.argmax(part, axis=0)
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
 
-    def _uphill(self, found: Enclosures, unsure: Array, width: Array) -> Array:
+    def _ascent(self, found: Enclosures, unsure: Array, width: Array) -> Array:
         """A direction in each box, in units of its widths, in which undecided conditions increase:
         the sum of their normalised slopes; 0 if there is none."""
         slope = np.where(unsure[:, None], (0.5 * found.slope_low + 0.5 * found.slope_high), 0.0)

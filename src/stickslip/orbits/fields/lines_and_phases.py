@@ -107,7 +107,7 @@ class Reading:
         kept = [k for k, shift in enumerate(found.T) if _leaves(rows, states, shift)]
         return found[:, kept]
 
-    def winds(self, states: list[str], values: Mapping[str, float]) -> bool:
+    def changes_phase(self, states: list[str], values: Mapping[str, float]) -> bool:
         """Return whether some shift of the state alone leaves the lines unchanged, and changes a
         phase."""
         return bool(np.any(self._turned(states, values)[2]))

@@ -100,7 +100,7 @@ class Piece:
     def felt(self, t: Array, y: Array, p: Array) -> Array:
         """Rates, guards, constraints and changes in jumps at many points, shape (functions,
         points)."""
-        return self._felt(t, y, p)
+        return self._all_functions(t, y, p)
 
     def dependence(self, t: Array, y: Array, p: Array) -> Array:
         """Their derivatives with respect to time and the state, shape (points, functions, 1 +
@@ -182,7 +182,7 @@ class Piece:
         return [*f.rates, *(g.value for g in f.guards), *f.constraints, *f.leaps]
 
     @cached_property
-    def _felt(self) -> PointFunction:
+    def _all_functions(self) -> PointFunction:
         return PointFunction(self.field, self._all)
 
     @cached_property

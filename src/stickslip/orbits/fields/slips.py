@@ -97,7 +97,7 @@ def through(
         if bent:
             passing = _leaving(left, bent[0], (t, y, p), here.rates)
         elif left.field.shared.intersection(begun):
-            passing = _loosening(equations, pieces, begun, (t, y, p), here.rates)
+            passing = _loss_of_hold(equations, pieces, begun, (t, y, p), here.rates)
         else:
             own = cause if cause >= 0 else len(equations.kinks) + begun[0]
             passing = _own(left, here, own)
@@ -312,7 +312,7 @@ def _directions(formula: ConvexFormula, others: list[float]) -> Array:
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-def _loosening(
+def _loss_of_hold(
     equations: MotionEquations,
     pieces: tuple[Piece, Piece],
     contacts: list[int],

@@ -152,10 +152,10 @@ class Surroundings:
         directions)."""
         key = p.tobytes()
         if key not in self._found:
-            self._found[key] = self._unfelt(p)
+            self._found[key] = self._null_directions(p)
         return self._found[key]
 
-    def _unfelt(self, p: Array) -> Array:
+    def _null_directions(self, p: Array) -> Array:
         """The same, computed."""
         rng = np.random.default_rng(0)
         n = len(self.sizes)

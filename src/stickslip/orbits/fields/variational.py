@@ -254,8 +254,8 @@ class _Meeting:
             return last
         # Nor does it matter how those are shared that rest on, and of what others carry, which has
         # no guard but a velocity, that is rounded to either side of zero.
-        moot = {s for s in resting if s in still or left.setting(s) != 0}
-        switches = [s for s in switches if s not in moot]
+        undecided = {s for s in resting if s in still or left.setting(s) != 0}
+        switches = [s for s in switches if s not in undecided]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 

@@ -381,14 +381,14 @@ def converge(shooting: Shooting, x: Array) -> Closed:
         try:
             if count > 1:
                 shooting, x = restarted(shooting, shooting.orbit(x), count)
-            return _resting_alike(shooting, close(shooting, x))
+            return _with_rest_positions(shooting, close(shooting, x))
         except ConvergenceError as failure:
             first = first or failure
     assert first is not None
     raise first
 
 
-def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
+def _with_rest_positions(shooting: Shooting, orbit: Orbit) -> Closed:
     """The same cycle from its best start, with equations for the rest positions of contacts that
     stick throughout."""
     for _ in range(3):
@@ -396,10 +396,10 @@ def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
             break
         shooting, x = restarted(shooting, orbit, len(shooting.stations))
         orbit = close(shooting, x)
-    return well_placed(shooting, orbit)
+    return with_best_start(shooting, orbit)
 
 
-def well_placed(shooting: Shooting, orbit: Orbit) -> Closed:
+def with_best_start(shooting: Shooting, orbit: Orbit) -> Closed:
     """The same cycle from its best start, with as many stations as the growth of perturbations
     requires."""
     new, x = restarted(shooting, orbit, stations_for(shooting, orbit))

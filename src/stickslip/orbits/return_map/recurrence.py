@@ -140,7 +140,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     times = (1.0 - share) * k.time[index] + share * k.time[index + 1]
     states = trajectory.states_at(times, index)
     made = [every[i] for i in index]
-    felt = _felt(trajectory, every, steps, p)
+    felt = _largest_slopes(trajectory, every, steps, p)
     around = Surroundings(made, times, states, _sizes(trajectory, states, states, felt))
     equations = trajectory.problem.compiled.equations
     ticking = None
@@ -171,14 +171,14 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     period = k.time[-1] - k.time[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
-    felt = _felt(motion, made, steps, p)
+    felt = _largest_slopes(motion, made, steps, p)
     moving = states - np.outer((times - k.time[0]) / period, shift)
     sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)
     return np.maximum(sizes, _LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
 
 
-def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
+def _largest_slopes(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
     """Largest slopes of the rates, guards and constraints of each piece of a motion with respect to
     the state; shape (functions, n)."""
     k = motion.knots

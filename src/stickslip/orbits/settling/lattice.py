@@ -142,6 +142,6 @@ def _has_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
     for generic values of the parameters."""
     frame = moving_frame(equations, zero)
     try:
-        return frame.reading.winds(frame.states, unrelated(equations, zero))
+        return frame.reading.changes_phase(frame.states, unrelated(equations, zero))
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
         return True

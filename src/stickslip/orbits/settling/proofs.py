@@ -61,7 +61,7 @@ _SEEN = 1e-9  # part of its size by which a component has to swing to be called 
 _LATER = 0.5  # part of the time gone by after which a proof is tried again
 
 
-class Fates(NamedTuple):
+class LongTermOutcomes(NamedTuple):
     """Long-term outcomes of some motions.
 
     Attributes
@@ -127,7 +127,7 @@ class Prover:
             Their compiled loop.
         """
         marks, _, saved, _ = settling
-        self._take_back(engine, settling)
+        self._reset(engine, settling)
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
         if len(index) == 0:
             return
@@ -147,14 +147,14 @@ class Prover:
             slot = saved_slots(lanes, index[open_], saved)
             closed = open_[slot >= 0]
             if len(closed):
-                fates = affine_fates(
+                outcomes = affine_outcomes(
                     lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.shifts
                 )
                 # the drives have to have a period in common
-                unknown = (fates.outcome == _PERIODIC) & ~fits[closed]
-                outcome[closed] = np.where(unknown, _NOTHING, fates.outcome)
+                unknown = (outcomes.outcome == _PERIODIC) & ~fits[closed]
+                outcome[closed] = np.where(unknown, _NOTHING, outcomes.outcome)
                 saved.y[index[closed]] = np.where(
-                    unknown[:, None], saved.y[index[closed]], fates.limit
+                    unknown[:, None], saved.y[index[closed]], outcomes.limit
                 )
             for i in open_[outcome[open_] == _NOTHING]:
                 if asked[i] != _NOTHING and not waves[i]:
@@ -183,7 +183,7 @@ class Prover:
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
 
-    def _take_back(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
+    def _reset(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
         """Reset motions that do not converge to their extrapolated state."""
         marks = settling[0]
         claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
@@ -239,9 +239,9 @@ def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
     return np.where(np.any(mine, axis=1), place[:, 0] + np.argmax(mine, axis=1), -1)
 
 
-def affine_fates(
+def affine_outcomes(
     lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, shifts: Array
-) -> Fates:
+) -> LongTermOutcomes:
     """Long-term outcomes of motions in affine modes, if the modes last.
 
     Parameters
@@ -313,4 +313,4 @@ def affine_fates(
     outcome = np.where(answers, _PERIODIC, outcome)
     outcome = np.where(undamped, _UNDAMPED, np.where(lasts & even, outcome, _NOTHING))
     left = (outcome != _NOTHING) & (outcome != _UNDAMPED)
-    return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))
+    return LongTermOutcomes(outcome, np.where(left[:, None], y - fading[:, component], y))

@@ -98,12 +98,12 @@ class _Neighbourhood:
     def settled(self) -> Array | None:
         """The equilibrium, if the motion stays for ever within a neighbourhood in which it decays
         towards it."""
-        if self._stands():
+        if self._is_constant():
             return self.y
         y = self._equilibrium()
         return y if y is not None and self._stays_near(y) else None
 
-    def _stands(self) -> bool:
+    def _is_constant(self) -> bool:
         """Return whether the state is constant, up to translation."""
         if np.any(self._rates(self.y)):
             return False

@@ -52,7 +52,7 @@ def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
         missed = float(np.mean(np.linalg.norm(change, axis=1)))
         if missed < _CLOSER * closest:
             best, closest, chosen = change, missed, lag
-    return chosen > 0 and _goes_on(best, chosen)
+    return chosen > 0 and _is_regular(best, chosen)
 
 
 def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Array:
@@ -71,7 +71,7 @@ def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Arra
     return np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
 
 
-def _goes_on(change: Array, lag: int) -> bool:
+def _is_regular(change: Array, lag: int) -> bool:
     """Return whether changes over a lag add up, or rotate and change by a constant factor."""
     chain = change[(len(change) - 1) % lag :: lag]
     missed = np.linalg.norm(chain, axis=1)

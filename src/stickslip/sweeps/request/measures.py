@@ -162,7 +162,7 @@ MEASURES = {
 }
 
 
-def known_for_a_time(system: System) -> bool:
+def ends_with_samples(system: System) -> bool:
     """Return whether a drive of the system is defined for a limited time only, so that no motion
     settles; the motion over the declared span is then measured."""
     return any(drive.ends for drive in system.declaration.given.values())
@@ -230,7 +230,7 @@ def _named(system: System, measure: str) -> Named:
                     "Combine them into one contact, with the sum of the thresholds",
                 )
     one_period.check_period_measure(system, name, of)
-    if known_for_a_time(system) and not MEASURES[name].said.of_a_span:
+    if ends_with_samples(system) and not MEASURES[name].said.of_a_span:
         raise DeclarationError(
             f"measure.{name}",
             f"the samples that drive {system.name} end, so no motion settles",

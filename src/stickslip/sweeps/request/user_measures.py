@@ -173,7 +173,7 @@ def offered_measures(system: System) -> dict[str, dict[str, str]]:
     return {**{name: described_as(name.replace("_", " "), "1") for name in added}, **found}
 
 
-def asked_again(measure: Measure) -> Any:
+def argument_of(measure: Measure) -> Any:
     """Argument from which :func:`read_measures` creates the same measure in another process, since
     expressions cannot be pickled."""
     return measure if isinstance(measure, FunctionMeasure) else str(measure)

@@ -16,7 +16,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.motions import MEASURED
 from stickslip.sweeps.request.axes import Grid
 from stickslip.sweeps.request.carry import CARRIED, Carry
-from stickslip.sweeps.work.handed import Handed, handed_on
+from stickslip.sweeps.work.carried_state import CarriedState, carried_state
 
 if TYPE_CHECKING:
     from stickslip.sweeps.store import Chunk, MapStore
@@ -32,13 +32,13 @@ class Runs:
     ----------
     order : array of int
         Of the points.
-    begins : dict of int to (Handed or None)
+    begins : dict of int to (CarriedState or None)
         Places in that order at which a run of points starts, with the state from which it
         continues; None: it starts from the initial state.
     """
 
     order: Array
-    begins: Mapping[int, Handed | None]
+    begins: Mapping[int, CarriedState | None]
 
 
 class LinesToDo:
@@ -106,7 +106,7 @@ class LinesToDo:
         }
         return Runs(order, begins)
 
-    def _before(self, index: Array, along: int) -> Handed | None:
+    def _before(self, index: Array, along: int) -> CarriedState | None:
         """The state from which a computed point continues."""
         if along == 0:
             return None
@@ -125,7 +125,7 @@ class LinesToDo:
             for row, name in enumerate(axis.names)
             if name in system.parameters
         }
-        return Handed({**system.values, **varied}, time, np.array(state))
+        return CarriedState({**system.values, **varied}, time, np.array(state))
 
 
 def needed_to_carry(system: System) -> list[str]:
@@ -134,12 +134,12 @@ def needed_to_carry(system: System) -> list[str]:
     return [*each, "time", "duration"]
 
 
-def handed_by(
+def passed_on(
     system: System,
     parameters: Mapping[str, float],
     found: Mapping[str, Array],
-    given: Handed | None,
-) -> Handed | None:
+    given: CarriedState | None,
+) -> CarriedState | None:
     """The state that a point passes on: its settled state, or the state it started from if the
     motion has not settled.
 
@@ -149,7 +149,7 @@ def handed_by(
         Parameters of the point.
     found : mapping of str to array, shape (1,)
         Contains the measures of :func:`needed_to_carry`.
-    given : Handed or None
+    given : CarriedState or None
         State from which it started, at its own parameters; None if it started from the initial
         state.
     """
@@ -162,10 +162,10 @@ def handed_by(
     )
     repeats = code in (Outcome.PERIODIC.code, Outcome.STEADY.code)
     rate = shift / float(found["duration"][0]) if repeats else None
-    return handed_on(system, parameters, float(found["time"][0]), state, rate)
+    return carried_state(system, parameters, float(found["time"][0]), state, rate)
 
 
-def stored_of(system: System, handed: list[Handed | None]) -> dict[str, Array]:
+def stored_of(system: System, handed: list[CarriedState | None]) -> dict[str, Array]:
     """Carried states as variables of a map."""
     names = ("time", *system.declaration.state)
     table = np.full((len(handed), len(names)), np.nan)

@@ -27,7 +27,7 @@ from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed
 from stickslip.stopping.scopes import TimeUp, watching
 from stickslip.sweeps.request.measures import (
     certified_below,
-    known_for_a_time,
+    ends_with_samples,
     measured,
     measured_again,
     needs_close_look,
@@ -91,7 +91,7 @@ def measure_chunk(
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         seen = _over_the_span(problem, table, states, settings, time_limit)
         again = measured_again(problem, table, seen, measures, settings, time_limit)
         return measured(problem, seen, measures, certified_below(settings)) | again

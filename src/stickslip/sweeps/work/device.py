@@ -23,7 +23,12 @@ from stickslip.machine_code.words import Elsewhere, by_python
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES, make_bench
-from stickslip.orbits.settling.engine.threads import Desk, Shared, advance_thread, grow_thread
+from stickslip.orbits.settling.engine.threads import (
+    Shared,
+    ThreadSpace,
+    advance_thread,
+    grow_thread,
+)
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Settings
 from stickslip.translator.values import TupleType, entry_types
 
@@ -111,15 +116,15 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
     table = np.array([list(problem.parameters.values())])
     states = np.zeros((1, int(problem.rows.sizes[DIMENSION])))
     block = Block(problem, table, states, settings, False)
-    tables = problem.empty_forms(1, POINT_SLOTS), desk_for(problem), block.marks
+    tables = problem.empty_forms(1, POINT_SLOTS), thread_space(problem), block.marks
     sizes: list[int] = []
     each(lambda part: sizes.append(part.nbytes), tables)
     return int(np.clip(_SHARE * find_device().free() / sum(sizes), 1, DEVICE_LANES))
 
 
-def desk_for(problem: Problem) -> Desk:
+def thread_space(problem: Problem) -> ThreadSpace:
     """Work space of a thread; it contains no results of other threads."""
-    return Desk(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
+    return ThreadSpace(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
 
 
 class Memory:
@@ -176,7 +181,7 @@ class OnDevice:
         self.saved: Any = each(memory.put, block.saved)
         self.found: Any = each(memory.put, block.found)
         self.shared: Any = Shared(
-            each(partial(memory.put_for_all, self.count), desk_for(block.problem)),
+            each(partial(memory.put_for_all, self.count), thread_space(block.problem)),
             self.marks,
             each(memory.put, block.rules._replace(most=most)),
             self.saved,

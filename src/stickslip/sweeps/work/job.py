@@ -21,7 +21,7 @@ from stickslip.sweeps.request.user_measures import (
     FormulaMeasure,
     FunctionMeasure,
     Measure,
-    asked_again,
+    argument_of,
     read_measures,
     variable,
 )
@@ -64,7 +64,7 @@ class Work:
 
 def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) -> Work:
     """The work of a plan at its points."""
-    asked = tuple(asked_again(measure) for measure in plan.measures)
+    asked = tuple(argument_of(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
     model = plan.model
     carries = plan.carry is not None
@@ -129,22 +129,22 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
 
 def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Array]:
     """Points one after the other, each from where the one before has come to."""
-    from stickslip.sweeps.work.carrying import handed_by, stored_of
-    from stickslip.sweeps.work.handed import Handed, taken_up
+    from stickslip.sweeps.work.carried_state import CarriedState, resumed_state
+    from stickslip.sweeps.work.carrying import passed_on, stored_of
 
     system, _ = _prepared(work)
     found: list[dict[str, Array]] = [{}] * len(runs.order)
-    left: list[Handed | None] = [None] * len(runs.order)
-    handed: Handed | None = None
+    left: list[CarriedState | None] = [None] * len(runs.order)
+    handed: CarriedState | None = None
     for j, i in enumerate(runs.order.tolist()):
         handed = runs.begins.get(j, handed)
         here = {name: values[i : i + 1] for name, values in columns.items()}
         own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
         own = {**system.values, **own}
-        begun = None if handed is None else taken_up(system, handed, own)
+        begun = None if handed is None else resumed_state(system, handed, own)
         found[i] = _side_by_side(work, here, begun)
-        given = Handed(own, begun[0], handed.state) if begun and handed else None
-        handed = left[i] = handed_by(system, own, found[i], given)
+        given = CarriedState(own, begun[0], handed.state) if begun and handed else None
+        handed = left[i] = passed_on(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
     return stored | stored_of(system, left)
 

@@ -56,12 +56,12 @@ class Interrupt:
         self.flag: Array = np.zeros(1, np.int64) if flag is None else flag
 
     @property
-    def wished(self) -> bool:
+    def requested(self) -> bool:
         """Whether a stop was requested."""
         return bool(self.flag[0] != 0)
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if self.wished:
+        if self.requested:
             raise KeyboardInterrupt
         self.flag[0] = 1
         if os.isatty(2):  # written at once: a signal may come in the middle of other output
@@ -150,12 +150,12 @@ class Pool:
     def submit(self, function: Callable[[_T], _R], task: _T) -> tuple[Future[_R | None], Executor]:
         """Submit a task, and record its executor."""
         try:
-            return self._hand_out(function, task)
+            return self._submit_one(function, task)
         except BrokenExecutor:
             self._executor = None
-            return self._hand_out(function, task)
+            return self._submit_one(function, task)
 
-    def _hand_out(
+    def _submit_one(
         self, function: Callable[[_T], _R], task: _T
     ) -> tuple[Future[_R | None], Executor]:
         executor = self._executor = self._executor or self._open()
@@ -307,7 +307,7 @@ def distribute(
     last = False
     while True:
         most = _AHEAD * pool.width
-        while not stop.wished and len(pending) < most:
+        while not stop.requested and len(pending) < most:
             task = again.pop() if again else next(source, None)
             if task is None:
                 break
@@ -317,7 +317,7 @@ def distribute(
             for future in pending:
                 future.cancel()
             return
-        last = stop.wished
+        last = stop.requested
         if last:
             pool.give_up()
         for future in wait(

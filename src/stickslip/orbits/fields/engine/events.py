@@ -230,7 +230,7 @@ def moves_masses_in_plane(rows: Rows, c: int) -> bool:
 
 
 @compiled()
-def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
+def reverses(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Return whether a planar slip, or a slip of a contact that may share forces with a planar one,
     begins or ends at a knot, or passes through rest.
 
@@ -258,7 +258,7 @@ def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) 
 
 
 @compiled()
-def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
+def is_discontinuous(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Return whether the state jumps at a knot (a gap has closed, or a declared jump occurred), or
     a planar slip, or a slip of contacts that share forces, begins, ends or reverses, where its
     field is undefined.
@@ -268,7 +268,7 @@ def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> b
     i : int
         The knot; not the first.
     """
-    if turns_about(rows, listed, run, work, i):
+    if reverses(rows, listed, run, work, i):
         return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)

@@ -11,7 +11,7 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Rows
 from stickslip.motion.steps.sets import slides_in_plane
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
-from stickslip.orbits.fields.engine.events import turns_about
+from stickslip.orbits.fields.engine.events import reverses
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.modal import PADE_REACH, by_eigenvalues, spans_many
 from stickslip.orbits.fields.engine.tables import (
@@ -138,7 +138,7 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
                     before = w
                     remember_rate(listed, run, work, w, i)
                 rate = max(rate, listed.spectra.rate[w])
-            elif i == 0 or not turns_about(rows, listed, run, work, i):
+            elif i == 0 or not reverses(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
             if listed.steady[w] == 1:
                 run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
@@ -149,12 +149,12 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
                 ):
                     run.event[BEGINS] = w
                     return -1
-            elif slides_in_plane(rows, run.knots.mode[i]) and turns_about(
+            elif slides_in_plane(rows, run.knots.mode[i]) and reverses(
                 rows, listed, run, work, i + 1
             ):
                 run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / PADE_REACH))
             else:
-                if not turns_about(rows, listed, run, work, i + 1):
+                if not reverses(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
                 run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
         nodes += nodes_of(listed, run, i)

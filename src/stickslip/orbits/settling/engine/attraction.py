@@ -195,9 +195,11 @@ def prove_lane(
             return UNKNOWN_MODE
     if not differentiate(e, m, rules, bench, c, i, count):
         return REFUSED
-    if not (radius(c) <= 1.0 + _GROWTH and ends_here(rules, c) and comes_home(c)):
+    if not (
+        radius(c) <= 1.0 + _GROWTH and deviation_vanishes(rules, c) and curvature_negligible(c)
+    ):
         return REFUSED
-    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else REFUSED
+    return PROVED if same_mode_sequence(e, m, rules, bench, c, i, word) else REFUSED
 
 
 @compiled()
@@ -463,7 +465,7 @@ def put_image(M: Array, v: Array, out: Array) -> None:
 
 
 @compiled()
-def ends_here(rules: Rules, c: Claims) -> bool:
+def deviation_vanishes(rules: Rules, c: Claims) -> bool:
     """Return whether the deviation of the true motion vanishes in the limit."""
     power, square = c.squares[0], c.squares[1]
     put_matrix(c.after[0], power)
@@ -476,7 +478,7 @@ def ends_here(rules: Rules, c: Claims) -> bool:
 
 
 @compiled()
-def comes_home(c: Claims) -> bool:
+def curvature_negligible(c: Claims) -> bool:
     """Return whether the curvature of the return map, as observed in the true motion, is negligible
     until convergence."""
     M = c.after[0]
@@ -501,7 +503,7 @@ def comes_home(c: Claims) -> bool:
 
 
 @compiled()
-def keeps_its_word(
+def same_mode_sequence(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, word: int
 ) -> bool:
     """Return whether returns from the remaining deviations of the motion have the mode sequence of

@@ -127,7 +127,7 @@ def cross_plane(
                 high = middle
             else:
                 low = middle
-        if m.numbers[i, LEAPT] > 0 and starts_there(m, i, t + high):
+        if m.numbers[i, LEAPT] > 0 and starts_in_plane(m, i, t + high):
             continue
         point_on(s.W, N, high / unit, s.trial)
         remember(m, i, -1, 0, t + high, s.trial)
@@ -142,7 +142,7 @@ def cross_plane(
 
 
 @compiled()
-def starts_there(m: Marks, i: int, t: float) -> bool:
+def starts_in_plane(m: Marks, i: int, t: float) -> bool:
     """Return whether an extrapolated motion, which starts in the plane up to rounding, is still in
     it at a time."""
     ring = m.time.shape[1]

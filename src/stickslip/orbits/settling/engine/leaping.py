@@ -20,11 +20,11 @@ from stickslip.orbits.settling.engine.returns import (
     bring_home,
     distance,
     extrapolate,
-    foretold,
     has_settled,
     look_back,
     look_wide,
     miss,
+    recurrence_order,
     shortest_lag,
     words_alike,
 )
@@ -93,7 +93,7 @@ def consider(
     lag, leapt = numbers[LAG], numbers[LEAPT]
     if leapt != 0:
         if lag != before:
-            return take_back(m, lanes, saved, i)
+            return reset_motion(m, lanes, saved, i)
         return polish(m, rules, lanes, saved, work, fit, i, d)
     if lag == 0 or numbers[SAME] < 1:
         return GO_ON
@@ -109,14 +109,14 @@ def consider(
     elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
     elif whole and rules.leaping and numbers[COUNT] >= numbers[REST]:
-        k = foretold(m, rules, i, work, fit)
+        k = recurrence_order(m, rules, i, work, fit)
         if k > 0:
             return leap(m, rules, lanes, saved, work, fit, i, d, k)
     return GO_ON
 
 
 @compiled()
-def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
+def fails_to_return(m: Marks, rules: Rules, i: int, t: float) -> bool:
     """Return whether an extrapolated motion does not return: the extrapolated state may lead to
     rest."""
     ring = m.time.shape[1]
@@ -241,7 +241,7 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
 
 
 @compiled()
-def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
+def reset_motion(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Reset a motion to its state before the extrapolation, and let it continue from there."""
     numbers = m.numbers[i]
     # Later and later, so that where no leap is right few are tried.
@@ -278,7 +278,7 @@ def polish(
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
         return GO_ON
     if real[REACH] > 0.0 and words_alike(m, i, lag, lag) < lag:
-        return take_back(m, lanes, saved, i)
+        return reset_motion(m, lanes, saved, i)
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
         put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
         numbers[LEAPT] = 1
@@ -331,7 +331,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
     afar = real[REACH] > 0.0
     if not d <= (rules.real[3] if afar else rules.real[5]) or not (afar or here):
-        return take_back(m, lanes, saved, i)
+        return reset_motion(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
     numbers[LEAPT] = 0 if here else 1

@@ -46,10 +46,10 @@ from stickslip.orbits.settling.engine.marks import elapsed
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,
+    distinct_above,
     gap,
     grow,
     miss,
-    told_apart,
 )
 from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
@@ -148,7 +148,7 @@ def measure(
         if carried == 0:
             copy(record.mode[0], bench.mode)
             copy(record.region[0], bench.region)
-            feel(e, flow, record.time[0], record.state[0], bench, bench.felt[0])
+            observe_forces(e, flow, record.time[0], record.state[0], bench, bench.felt[0])
         add_steps(e, flow, rules, bench, count, carried, s.seen[i], sums)
         for j in range(carried, count):
             extend(m, rules, i, real[START], record.time[j], record.state[j], bench)
@@ -168,7 +168,7 @@ def measure(
             size = bench.tally.state[LARGEST, r]
             bench.tally.state[LARGEST, r] = max(size, s.seen[i, r])
     conclude(e, bench, audit)
-    feel(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
+    observe_forces(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
     m.felt[i] = difference(bench.felt)
     for r in range(bench.ends.shape[1]):
         found.shift[i, r] = s.y[i, r] - saved.y[i, r]
@@ -220,7 +220,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
             extend(m, rules, i, real[START], bench.record.time[j], bench.record.state[j], bench)
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
-    limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
+    limit = max(distinct_above(m, i), _ROUNDED * e.flow.tol)
     for r in range(bench.ends.shape[1]):
         bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
     if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
@@ -429,7 +429,7 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
 
 
 @compiled()
-def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
+def observe_forces(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
     """Forces and thresholds of the contacts at an instant, in the mode of the first knot.
 
     Parameters
@@ -492,14 +492,14 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
 
 
 @compiled()
-def deceives(outcome: int, change: float, closure: float) -> bool:
+def load_is_aperiodic(outcome: int, change: float, closure: float) -> bool:
     """Return whether the state returned, but the forces on it did not: a load that is not
     periodic."""
     return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 
 @compiled()
-def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+def discard_marks(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Discard all marks of a lane, which continues from its present state; a driven one from its
     last mark."""
     for j in range(m.kind.shape[1]):
@@ -513,7 +513,7 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 
 
 @compiled()
-def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
+def resettle(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
     """Let a motion that came from afar settle again by the size of its cycle; False if that is
     known already.
 
@@ -595,9 +595,9 @@ def measure_lane(
             claim_rest(e, m, saved.mode[i], i)
             m.real[i, DURATION] = rules.real[2]
             numbers[PHASE] = PROVING
-        elif awry and look_closer(m, rules, e.lanes, saved, bench, i):
+        elif awry and resettle(m, rules, e.lanes, saved, bench, i):
             numbers[PHASE] = SETTLING
-        elif deceives(m.outcome[i], m.felt[i], closure):
-            forget(m, rules, e.lanes, saved, i)
+        elif load_is_aperiodic(m.outcome[i], m.felt[i], closure):
+            discard_marks(m, rules, e.lanes, saved, i)
             numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < m.real[i, LATEST] else DONE
             m.outcome[i] = NOT_SETTLED

@@ -356,7 +356,7 @@ def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
 
 
 @compiled()
-def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
+def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
     """The order of a convergent linear recurrence of the returns that predicts the last one.
 
     Returns near a cycle are sums of powers of its multipliers. So rⱼ = Σ cₖ rⱼ₊ₖ, counted back from
@@ -409,7 +409,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
             for a in range(k):
                 guess += fit[a, 3] * work[a + 1, r]
             wrong = max(wrong, abs(guess - work[0, r]))
-        if wrong <= _FORETOLD * last and dies_away(fit, k):
+        if wrong <= _FORETOLD * last and converges_to_zero(fit, k):
             return k
     return 0
 
@@ -463,7 +463,7 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
 
 
 @compiled()
-def dies_away(fit: Array, k: int) -> bool:
+def converges_to_zero(fit: Array, k: int) -> bool:
     """Return whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
 
     Parameters
@@ -509,7 +509,7 @@ def remove_part(v: Array, unit: Array) -> float:
 
 
 @compiled()
-def told_apart(m: Marks, i: int) -> float:
+def distinct_above(m: Marks, i: int) -> float:
     """Distance above which states differ, from the closure error of the polished cycle, which
     measures its accuracy."""
     floor = m.real[i, FLOOR]
@@ -520,7 +520,7 @@ def told_apart(m: Marks, i: int) -> float:
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
     """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
     lag = m.numbers[i, LAG]
-    limit = told_apart(m, i)
+    limit = distinct_above(m, i)
     p = 2
     m.real[i, OPEN] = np.inf
     while p <= lag:

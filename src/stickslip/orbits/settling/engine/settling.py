@@ -42,7 +42,13 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.orbits.settling.engine.crossing import cross_plane, put_plane
 from stickslip.orbits.settling.engine.frames import find_frame
 from stickslip.orbits.settling.engine.lanes import copy_lane, follow_lane, own_flow
-from stickslip.orbits.settling.engine.leaping import GO_ON, SETTLED, consider, is_lost, take_back
+from stickslip.orbits.settling.engine.leaping import (
+    GO_ON,
+    SETTLED,
+    consider,
+    fails_to_return,
+    reset_motion,
+)
 from stickslip.orbits.settling.engine.marks import (
     elapsed,
     long_look,
@@ -100,7 +106,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     numbers = m.numbers[i]
     drive = m.drive[i]
     if numbers[LEAPT] < 0:
-        take_back(m, s, saved, i)
+        reset_motion(m, s, saved, i)
     known = 0
     for _ in range(rules.most[2]):
         if is_stopped(e.flow.space):
@@ -122,7 +128,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         if not (happened or code in (FINISHED, FULL)):
             if numbers[LEAPT] != 0:
                 # What was carried on by hand may have been taken to where no motion starts.
-                take_back(m, s, saved, i)
+                reset_motion(m, s, saved, i)
                 continue
             m.outcome[i], numbers[PHASE] = code, DONE
             return
@@ -137,11 +143,11 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
                 return
             # An oscillation that has died out returns, too.
             copy_lane(saved, i, s, i)
-            if not dies_out(
+            if not rates_vanish(
                 e, m, rules, i, _FADED * rules.real[3], m.real[i, DURATION], bench.work[0]
             ):
                 return
-            take_back(m, s, saved, i)
+            reset_motion(m, s, saved, i)
             numbers[PHASE] = SETTLING
         late = elapsed(m, rules, s, i) >= m.real[i, LATEST] or numbers[COUNT] >= rules.most[
             0
@@ -170,15 +176,15 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     drive = m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
         return GO_ON  # between two marks
-    if numbers[LEAPT] != 0 and drive <= 0.0 and is_lost(m, rules, i, t):
-        return take_back(m, s, saved, i)
+    if numbers[LEAPT] != 0 and drive <= 0.0 and fails_to_return(m, rules, i, t):
+        return reset_motion(m, s, saved, i)
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
     # A contact without friction reverses again and again while everything dies out.
     faded = (
         drive <= 0.0
         and numbers[LEAPT] == 0
-        and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+        and rates_vanish(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
     )
     if calm and drive <= 0.0 and numbers[EVENTLESS] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
@@ -204,7 +210,7 @@ def claim_rest(e: Engine, m: Marks, mode: Array, i: int) -> None:
 
 
 @compiled()
-def dies_out(
+def rates_vanish(
     e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
 ) -> bool:
     """Return whether the rates of a lane, without frame and translation, are too small for a

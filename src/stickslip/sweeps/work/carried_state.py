@@ -24,7 +24,7 @@ _ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is
 
 
 @dataclass(frozen=True)
-class Handed:
+class CarriedState:
     """State reached by a motion.
 
     Attributes
@@ -39,13 +39,13 @@ class Handed:
     state: Array
 
 
-def handed_on(
+def carried_state(
     system: System,
     parameters: Mapping[str, float],
     time: float,
     state: Array,
     rate: Array | None = None,
-) -> Handed:
+) -> CarriedState:
     """Final time and state of a motion, shifted back to the earliest time at which the system is
     equivalent.
 
@@ -66,8 +66,8 @@ def handed_on(
     for moving in chain(measured, [np.zeros(len(state))], _pulled(system, parameters)):
         if _repeats(system, parameters, moving, begin, period):
             back = period * math.floor((time - begin) / period) if period else time - begin
-            return Handed(parameters, time - back, state - back * moving)
-    return Handed(parameters, time, state.copy())
+            return CarriedState(parameters, time - back, state - back * moving)
+    return CarriedState(parameters, time, state.copy())
 
 
 def _repeats(
@@ -126,8 +126,8 @@ def _moving(rate: Array, elapsed: float, state: Array) -> Array:
     return np.where(np.abs(rate) * elapsed > _ROUNDED * np.abs(state), rate, 0.0)
 
 
-def taken_up(
-    system: System, handed: Handed, parameters: Mapping[str, float]
+def resumed_state(
+    system: System, handed: CarriedState, parameters: Mapping[str, float]
 ) -> tuple[float, Array]:
     """Time and state at the start of a motion that continues another one with other parameters.
 

@@ -68,7 +68,7 @@ def check_bokeh() -> None:
                 )
 
 
-class Doors:
+class AccessRules:
     """The rules.
 
     Parameters
@@ -142,7 +142,7 @@ class Refused(RequestHandler):
         self.finish(_PAGE.format(title="Request refused", reason=str(status_code)))
 
 
-class Prompt(WSHandler):
+class QuestionHandler(WSHandler):
     """A connection that accepts only questions of a page.
 
     Bokeh's protocol allows a page to change its document on the server: it could create objects,
@@ -252,11 +252,11 @@ def _leave(context: Any) -> None:
 
 
 class Guarded(BokehTornado):
-    """Bokeh's application behind the doors."""
+    """Bokeh's application with access control."""
 
-    def __init__(self, *args: Any, doors: Doors, most_pages: int, **kwargs: Any) -> None:
-        super().__init__(*args, prefix=doors.token, **kwargs)
-        self.doors = doors
+    def __init__(self, *args: Any, access: AccessRules, most_pages: int, **kwargs: Any) -> None:
+        super().__init__(*args, prefix=access.token, **kwargs)
+        self.access = access
         self.most_pages = most_pages
         # Requests of pages that are being made: their sessions do not exist yet.
         self._opening = WeakSet[HTTPServerRequest]()
@@ -300,7 +300,7 @@ class Guarded(BokehTornado):
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
         """The handler of a request; all requests pass here."""
-        refused = self.doors.refusal(request, self.has_room)
+        refused = self.access.refusal(request, self.has_room)
         if refused is not None:
             status, reason = refused
             return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})
@@ -312,7 +312,7 @@ class Guarded(BokehTornado):
         self, request: HTTPServerRequest, target_class: type[RequestHandler], *args: Any, **kw: Any
     ) -> Any:
         """The delegate through which a handler answers a request."""
-        chosen = Prompt if target_class is WSHandler else target_class
+        chosen = QuestionHandler if target_class is WSHandler else target_class
         return super().get_handler_delegate(request, chosen, *args, **kw)
 
     def log_request(self, handler: RequestHandler) -> None:
