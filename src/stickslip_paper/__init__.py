@@ -2,9 +2,9 @@
 measured number.
 
 A. Mielke, *Three examples concerning the interaction of dry friction and oscillations*, WIAS
-preprint 2405 (2017). It is a user of the library like any other: of :mod:`stickslip` it knows the
-public names alone, and what it needs beside it (SymPy, Pillow) is the extra
-``stickslip[paper]``. The figures are ``stickslip_paper.figures.FIGURES``, the animations
+preprint 2405 (2017). This package uses only the public names of :mod:`stickslip`; its further
+requirements (SymPy, Pillow) are the extra ``stickslip[paper]``. The figures are
+``stickslip_paper.figures.FIGURES``, the animations
 ``stickslip_paper.moving.animations.ANIMATIONS``.
 """
 

@@ -72,7 +72,7 @@ def paper(
 
 
 def _check_installed() -> None:
-    """Reject to begin without what only the paper needs."""
+    """Raise an error if a requirement of the paper is not installed."""
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
     if missing:
         raise ss.StickslipError(
@@ -83,7 +83,7 @@ def _check_installed() -> None:
 
 @contextmanager
 def _bar() -> Iterator[Callable[[float, str], None]]:
-    """A bar on stderr that is gone in the end; nothing where nobody is looking."""
+    """A progress bar on stderr that is removed at the end; none without a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -130,7 +130,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _report(work: Work, folder: Path, seconds: float) -> None:
-    """A short table, and what did not come out as expected."""
+    """Print a short table, and unexpected results."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

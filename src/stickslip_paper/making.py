@@ -24,7 +24,7 @@ LINES = 150  # a module up to this length is shown as a whole
 
 @dataclass(frozen=True)
 class Item:
-    """What is made: a figure or an animation by its key, a claim by its name."""
+    """An item to create: a figure or an animation by its key, a claim by its name."""
 
     kind: str
     key: str
@@ -32,16 +32,16 @@ class Item:
 
 @dataclass(frozen=True)
 class Made:
-    """What came of it.
+    """Result of an item.
 
     Attributes
     ----------
     finding : Finding or None
-        Of a claim.
+        Finding of a claim.
     files : tuple of str
         Relative to the folder.
     error : str
-        Why a picture could not be made.
+        Reason why a figure could not be created.
     """
 
     item: Item
@@ -51,7 +51,7 @@ class Made:
     error: str = ""
 
     def good(self, claim: Claim | None) -> bool:
-        """Whether it is what was expected."""
+        """Return whether the result is as expected."""
         if self.finding is None or claim is None:
             return not self.error
         return self.finding.verdict is claim.expected
@@ -59,7 +59,7 @@ class Made:
 
 @dataclass
 class Work:
-    """What was asked for and what is done of it."""
+    """Requested items and their results."""
 
     items: list[Item]
     done: dict[Item, Made] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Work:
 
 
 def items(only: str | None = None) -> list[Item]:
-    """What there is to make, what takes long first.
+    """Items to create, slow ones first.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ def _number(place: str) -> str:
 
 
 def make_all(work: Work, folder: Path, progress: Callable[[float, Item], None]) -> None:
-    """Make everything; Ctrl-C keeps what is done.
+    """Create all items; Ctrl-C keeps completed ones.
 
     Parameters
     ----------
     work : Work
         Its ``done`` is filled.
     folder : Path
-        Where the pictures go.
+        Folder of the figures.
     progress : callable
         Called with the fraction done and what was done last.
     """
@@ -188,8 +188,7 @@ def animate(key: str, folder: Path) -> list[Path]:
 
 
 def source_of(function: Callable) -> str:
-    """The code that makes a picture: its module, if a reader takes that in at once, else the
-    function."""
+    """The source code of a figure: its module, if it is short, otherwise the function."""
     module = inspect.getmodule(function)
     whole = inspect.getsource(module) if module else ""
     return whole if 0 < whole.count("\n") <= LINES else inspect.getsource(function)

@@ -1,4 +1,4 @@
-"""The report: claims.json, and one page that asks for nothing outside itself."""
+"""The report: claims.json, and a self-contained page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
 
 
 def unexpected(work: Work) -> list[Made]:
-    """What did not come out as expected."""
+    """Unexpected results."""
     known = {claim.name: claim for claim in claims()}
     return [made for made in work.done.values() if not made.good(known.get(made.item.key))]
 
@@ -45,13 +45,13 @@ def pictures(work: Work, kind: str) -> list[tuple[Any, Made]]:
 
 
 def counts(work: Work) -> dict[str, int]:
-    """How many claims came to each verdict."""
+    """Number of claims by verdict."""
     found = Counter(made.finding.verdict for _, made in checked(work) if made.finding)
     return {verdict.value: found[verdict] for verdict in Verdict}
 
 
 def as_data(work: Work, seconds: float) -> dict[str, Any]:
-    """What ``claims.json`` holds."""
+    """Contents of ``claims.json``."""
     return {
         "program": "stickslip",
         "version": __version__,
@@ -101,7 +101,7 @@ def write_data(work: Work, folder: Path, seconds: float) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Data for JSON, which knows neither NaN nor infinity."""
+    """Data for JSON, which has neither NaN nor infinity."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -177,7 +177,7 @@ def _picture(entry: Any, made: Made, folder: Path) -> str:
 
 
 def _shown(made: Made, folder: Path) -> str:
-    """The picture as a data URI: the vector drawing unless it is too large."""
+    """The figure as a data URI: the vector graphic unless it is too large."""
     for file in (folder / name for name in sorted(made.files, key=_preference)):
         if file.suffix in _TYPES and (file.suffix != ".svg" or file.stat().st_size <= _INLINE):
             return (

@@ -23,7 +23,7 @@ from stickslip.motion.affine.signals import rough_acos
 from stickslip.motion.algebra.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import Constants, FlowOfMany, Machine
-from stickslip.sweeps.work.device import desk_for
+from stickslip.sweeps.work.device import thread_space
 
 
 @entry_point()
@@ -315,7 +315,7 @@ def test_kept_eigenvectors_change_no_bit(modes: int) -> None:
     assert shared is not None
     assert int(shared.making.kept.used[USED]) == 2 * 2**2
     # On a device each of thousands of lanes has its own work space.
-    assert len(desk_for(pose(system, {})).flight.making.kept.blocks) == 0
+    assert len(thread_space(pose(system, {})).flight.making.kept.blocks) == 0
 
 
 def rod(push: float, axis: float = 1.0) -> ss.System:

@@ -75,7 +75,7 @@ def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None)
     forms = p.closed_forms if forms is None else forms
     flights = make_flight_audit(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
     audit_motion(
-        p.machine, p.flow(retracing=True), flights, m._retraced.seen, *halves(knots), accounts
+        p.machine, p.flow(retracing=True), flights, m.dense_output.seen, *halves(knots), accounts
     )
     return Followed(accounts, int(flights.checked[WHOLE]), int(flights.checked[WITHOUT_EXTREMES]))
 
@@ -84,7 +84,7 @@ def piece_by_piece(m: ss.Trajectory, knots: Knots) -> Accounts:
     p = m.problem
     accounts = make_accounts(len(knots.time) - 1, p.rows)
     flow = p.flow(retracing=True)
-    audit_steps(p.machine, flow, m._retraced.seen, *halves(knots), True, accounts)
+    audit_steps(p.machine, flow, m.dense_output.seen, *halves(knots), True, accounts)
     return accounts
 
 
@@ -233,7 +233,7 @@ def test_closed_forms_that_mislead_the_motion_are_found(name: str) -> None:
         tau = 0.7 * float(np.max(np.diff(m.knots.clock)))
         i = int(np.argmax(np.diff(m.knots.clock)))
         vars(m.problem)["closed_forms"] = wrong
-        state = m._retraced.states(np.array([m.knots.clock[i] + tau]), np.array([i]))[0]
+        state = m.dense_output.states(np.array([m.knots.clock[i] + tau]), np.array([i]))[0]
         cut = two_knots(m.knots, i, tau, state)
         found = residuals(m, cut)
         assert np.max(found) > 1e-9, fault
@@ -253,8 +253,8 @@ def residuals(m: ss.Trajectory, knots: Knots) -> Array:
     layout = m.problem.compiled.layout.rows
     other = copy(m)
     vars(other)["knots"] = knots
-    energy = other._retraced.rows(knots.clock, np.arange(2))[:, layout]
-    return audited(m.problem, knots, m._retraced.seen, energy).residuals
+    energy = other.dense_output.rows(knots.clock, np.arange(2))[:, layout]
+    return audited(m.problem, knots, m.dense_output.seen, energy).residuals
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -265,7 +265,7 @@ def test_wrong_ends_are_found(name: str) -> None:
     i = int(np.argmax(np.diff(m.knots.clock)))
     h = float(np.diff(m.knots.clock)[i])
     tau = 0.7 * h
-    state = m._retraced.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
+    state = m.dense_output.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
     assert np.max(residuals(m, two_knots(m.knots, i, tau, state))) < 1e-10
     n = len(state) // 2
     sizes = np.abs(m.knots.state).max(axis=0)
@@ -287,7 +287,7 @@ def test_a_late_switch_is_found(name: str) -> None:
     for i in steps.tolist():
         h = float(m.knots.clock[i + 1] - m.knots.clock[i])
         tau = h * (1.0 + 1e-3)
-        state = m._retraced.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
+        state = m.dense_output.states(m.knots.clock[i : i + 1] + tau, np.array([i]))[0]
         if math.isnan(float(state.sum())):
             continue
         found += int(np.max(residuals(m, two_knots(m.knots, i, tau, state))) > 1e-9)
@@ -299,5 +299,8 @@ def test_states_in_flights_that_begin_at_another_time() -> None:
     m = ss.simulate(beam(), (1.0, 1.1))
     steps = np.flatnonzero(np.diff(m.knots.clock) > 0.0)
     middles = 0.5 * (m.knots.clock[steps] + m.knots.clock[steps + 1])
-    found, wanted = m._retraced.states(middles, steps), m._retraced.states_by_steps(middles, steps)
+    found, wanted = (
+        m.dense_output.states(middles, steps),
+        m.dense_output.states_by_steps(middles, steps),
+    )
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())

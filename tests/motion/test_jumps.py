@@ -40,7 +40,7 @@ def mass(
 
 def exchanges(found: ss.Trajectory) -> np.ndarray:
     """Knots after the jumps of a system with one guard."""
-    return np.flatnonzero(np.append(False, found._switches.jumped[:, 0]))
+    return np.flatnonzero(np.append(False, found.switches.jumped[:, 0]))
 
 
 # -- walkers ---------------------------------------------------------------------------------------

@@ -89,8 +89,8 @@ def __dir__() -> list[str]:
 
 
 class _Catalogue(ModuleType):
-    """The import of ``catalogue.rocking_toy`` binds that file here; what is wanted by that name is
-    its function."""
+    """Module type whose attributes are the functions of systems: the import of the module
+    ``catalogue.rocking_toy`` would otherwise bind the module to this name."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         if isinstance(value, ModuleType) and value.__name__ == f"{__name__}.{name}":

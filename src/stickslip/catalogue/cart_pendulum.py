@@ -1,4 +1,4 @@
-"""A pendulum on a cart that rubs on its track."""
+"""A pendulum on a cart with friction on its track."""
 
 from stickslip.model.system import Contact, Inertial, Parameter, System
 

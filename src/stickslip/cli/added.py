@@ -30,8 +30,8 @@ def add_commands(app: typer.Typer, guarded: Callable[[Command], Command]) -> Non
 
 
 def _loaded(entry: EntryPoint) -> Command:
-    """The function, or one that says why there is none: a broken package breaks its command
-    alone."""
+    """The function of a command, or one that reports why it cannot be imported, so that a broken
+    package affects only its command."""
     try:
         return entry.load()
     except Exception as error:

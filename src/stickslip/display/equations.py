@@ -69,9 +69,9 @@ class Leap:
     Attributes
     ----------
     passes, sign : str
-        How the guard passes through zero, in words and as a sign of LaTeX.
+        Direction of the zero crossing of the guard, in words and as a LaTeX symbol.
     moved : list of Relation
-        What becomes what.
+        New values of the changed quantities.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Equations:
         return cast("Contact", friction)
 
     def _length(self, contact: Contact) -> Node:
-        """|Au| of a contact in a plane, by its components, or what its dissipation is of u."""
+        """|Au| of a planar contact, by its components, or its dissipation as a function of u."""
         read = self._reader.read
         if contact.dissipation is not None:
             u = {f"v{i}": e for i, e in enumerate(self._velocities(contact), 1)}
@@ -236,7 +236,7 @@ class Equations:
         return found
 
     def _next_index(self) -> str:
-        """The index of the next force that is called λ: nothing if there is only one."""
+        """The index of the next force λ; empty if there is only one."""
         planes = self.system.planes
         in_planes = {part for parts in planes.values() for part in parts}
         alone = {c.name for c in self._declared.contacts if c.prescribed}
@@ -271,7 +271,7 @@ class Equations:
         return found
 
     def _free_letter(self, letters: str) -> str:
-        """The first of some letters that means nothing in the declaration."""
+        """The first of some letters that is unused in the declaration."""
         system = self.system
         taken = {*system.parameters, *system.functions, *system.drives, *system.declaration.state}
         return next((letter for letter in letters if letter not in taken), letters[0])
@@ -309,13 +309,13 @@ class Equations:
             yield unknown, sum_of(*terms)
 
     def outputs(self) -> Iterator[tuple[Node, Node, Output]]:
-        """Outputs: symbols, formulas, and what is declared of them."""
+        """Outputs: symbols, formulas, and declared properties."""
         for name, output in self.system.outputs.items():
             _, body = self._reader.definitions[name]
             yield Call(name, ()), body, output
 
     def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
-        """Names of conditions, what they say, and whether that holds."""
+        """Names of conditions, their formulas, and whether they hold."""
         for name, condition in self.system.conditions.items():
             reason = self._declared.conditions[name].fails(self.system.values)
             why = f": {reason}" if reason and reason != condition.formula else ""
@@ -375,7 +375,7 @@ class Equations:
         return [(Name(name), self._reader.read(gap)) for name, gap in gaps.items()]
 
     def adhesions(self, write: UnicodeWriter) -> list[tuple[str, str]]:
-        """Pairs of a condition and what then holds, for contacts that adhere."""
+        """Pairs of a condition and its consequence, for contacts with adhesion."""
         found = list[tuple[str, str]]()
         for name, c in self.system.unilateral.items():
             if c.adhesion != 0.0:

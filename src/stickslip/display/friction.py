@@ -25,14 +25,14 @@ from stickslip.display.tree import (
 
 @dataclass(frozen=True)
 class Friction:
-    """A dry contact whose law is too long for the balance; its force is called λ there.
+    """A dry contact whose law is too long for the balance, where its force is denoted by λ.
 
     Attributes
     ----------
     contact : str
         Name of the contact.
     index : str
-        Index of its force: ``_1``, or nothing if it is the only one.
+        Index of its force: ``_1``, or empty if it is the only one.
     thresholds, sliding : pair of Node
         Largest forces and sliding forces for u > 0 and u < 0.
     """

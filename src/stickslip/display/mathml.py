@@ -12,7 +12,7 @@ from stickslip.symbolic.pieces import STRUCTURES, Pieced
 
 
 def math(content: str) -> str:
-    """A formula that stands on its own."""
+    """A displayed formula."""
     return f'<math displaystyle="true">{content}</math>'
 
 

@@ -162,7 +162,7 @@ class UnicodeWriter:
         return "".join(f"∂_{name} " for name in names) + (shown or self.name(node.name)) + inside
 
     def is_rate(self, node: Call) -> bool:
-        """Whether it is the time derivative of a drive."""
+        """Return whether it is the time derivative of a drive."""
         return node.by == ("t",) and node.name in self.drives
 
     # What differs between the alphabets.
@@ -294,12 +294,12 @@ def _negative(exponent: Node) -> bool:
 
 
 def _is_digits(value: Fraction) -> bool:
-    """Whether it is written in digits, without a fraction and a power of ten."""
+    """Return whether it is written in digits, without a fraction and a power of ten."""
     return _is_decimal(value) and f"{float(value):.15g}".replace(".", "").isdecimal()
 
 
 def _is_decimal(value: Fraction) -> bool:
-    """Whether it has a finite decimal expansion."""
+    """Return whether it has a finite decimal expansion."""
     rest = value.denominator
     for prime in (2, 5):
         while rest % prime == 0:

@@ -56,7 +56,7 @@ def parse_name(name: str) -> Symbol:
 
 
 def is_word(name: str) -> bool:
-    """Whether it is a word rather than a symbol: ``mean_speed``, not ``v_mean``."""
+    """Return whether a name is a word rather than a symbol: ``mean_speed``, not ``v_mean``."""
     first = parse_name(name).letter
     return len(first) > 1 and first not in _GREEK
 

@@ -30,13 +30,12 @@ def system_page(system: System) -> str:
 
 
 def equations_page(system: System) -> str:
-    """The equations of a system, without the tables of what it declares."""
+    """The equations of a system, without the tables of its declaration."""
     return page.whole(*_Page(Equations(system)).formulas())
 
 
 def name_in_html(name: str) -> Html:
-    """The symbol of a published quantity, with what stands below and above it; ``d_x`` is a
-    rate."""
+    """The symbol of a published quantity, with subscripts and superscripts; ``d_x`` is a rate."""
     rate = name.startswith("d_") and len(name) > 2
     if is_word(name[2:] if rate else name):
         return page.text(unicode_symbol(name))
@@ -49,7 +48,8 @@ def name_in_html(name: str) -> Html:
 
 
 def law_page(law: FrictionLaw, picture: Html) -> str:
-    """A friction law: the picture of its loops, what it says of a mass, its parameters."""
+    """The page of a friction law: the figure of its loops, its equations for a mass, its
+    parameters."""
     example = law.specimen()
     shown = _Page(Equations(example))
     rows = [
@@ -90,7 +90,7 @@ class _Page:
         yield self.facts()
 
     def formulas(self) -> Iterator[str]:
-        """What it is, and what follows."""
+        """Energy, dissipation potential, and the equations derived from them."""
         for title, node in (
             ("Energy", self.equations.energy),
             ("Dissipation potential", self.equations.dissipation),
@@ -208,7 +208,7 @@ def _section(title: str, lines: list[str]) -> Html:
 
 
 def table_page(table: Table, picture: str) -> str:
-    """A table: how many points, what is between and outside of them, and what it looks like."""
+    """The page of a table: number of points, interpolation and extrapolation, figure."""
     source = table.source
     axes = [f"{len(a):,}, {a[0]:.9g} to {a[-1]:.9g}" for a in table.axes]
     rows = [
@@ -227,7 +227,7 @@ def table_page(table: Table, picture: str) -> str:
 
 
 def samples_page(samples: Samples, picture: Html) -> str:
-    """Samples: how many, from when to when, and what they look like."""
+    """The page of samples: number, time span, figure."""
     low, high = float(samples.values.min()), float(samples.values.max())
     source = samples.source
     rows = [

@@ -14,7 +14,7 @@ def pad(text: str, columns: int) -> str:
 
 
 def text_table(rows: list[list[str]]) -> list[str]:
-    """Rows in columns; columns that are empty throughout are left out, the last one is wrapped."""
+    """Format rows as a table; empty columns are omitted, the last column is wrapped."""
     columns = [column for column in zip(*rows, strict=True) if any(column)]
     if not columns:
         return []

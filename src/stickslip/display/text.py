@@ -197,7 +197,7 @@ class EquationsText:
 
 
 def is_inclusion(node: Node) -> bool:
-    """Whether an equation is an inclusion: a part of it is set-valued."""
+    """Return whether an equation is an inclusion: a part of it is set-valued."""
     match node:
         case Call("Sign"):
             return True

@@ -90,7 +90,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Relation:
-    """A comparison, as it stands in piecewise functions and conditions."""
+    """A comparison, as in piecewise functions and conditions."""
 
     sign: str
     left: Node

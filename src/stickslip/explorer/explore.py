@@ -63,17 +63,17 @@ def listening_explorer(
     names: tuple[str, ...] = (),
     most_pages: int = MOST_PAGES,
 ) -> Explorer:
-    """An explorer that listens, and does not serve yet.
+    """An explorer that listens, but does not serve yet.
 
     Parameters
     ----------
     port : int, optional
     host : str
-        The address to listen at.
+        The address on which to listen.
     names : tuple of str
-        More names under which it may be asked.
+        Additional accepted host names.
     most_pages : int
-        How many pages may be open.
+        Maximum number of open pages.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def _start(system: System | str | None) -> tuple[str, str]:
 
 
 def named_system(text: str) -> System:
-    """The system that a name, a model file or an address stands for, as it is set there.
+    """The system of a name, a model file or a URL, with the settings of the URL.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def named_system(text: str) -> System:
 
 
 def _evolution(path: str) -> str | None:
-    """The text of a model file if it declares an evolution; what is wrong with it is said."""
+    """The text of a model file if it declares an evolution; raises an error if it is invalid."""
     from stickslip.model.formats.toml import parse, read_text, said_of
 
     with said_of(path):

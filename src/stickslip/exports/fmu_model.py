@@ -72,7 +72,7 @@ class FmuModel:
 
     @property
     def inputs(self) -> list[str]:
-        """Parameters and drives that are given anew with each step."""
+        """Parameters and drives whose values are set before each step."""
         return [v.name for v in self.variables if v.role == "input"]
 
     @property
@@ -168,8 +168,8 @@ def _holdable(system: System) -> list[str]:
 
 
 def _check_holdable(system: System, name: str) -> None:
-    """Reject an input that is neither a parameter nor a drive, or whose rate is used: what is held
-    has none."""
+    """Reject an input that is neither a parameter nor a drive, or whose rate is used, since a value
+    held during a step has no rate."""
     if name in system.parameters:
         return
     if name not in system.drives:
@@ -229,7 +229,8 @@ def _input_said(system: System, name: str) -> tuple[str, str]:
 
 
 def _outputs(motion: Trajectory, names: Sequence[str]) -> list[FmuVariable]:
-    """Quantities of a motion as outputs; all that a step does not begin anew if none are named."""
+    """Quantities of a motion as outputs; by default all except those that start anew in each
+    step."""
     data = motion.dataset
     shown = [str(name) for name in data.data_vars if name not in _OF_ONE_STEP]
     for name in names:

@@ -1,8 +1,8 @@
 """A system inside a functional mock-up unit (FMU): a :class:`stickslip.Stepper` behind the
 functions that pythonfmu calls.
 
-An exception of Python ends the process of pythonfmu's library, so none leaves this module once the
-FMU is there: what is wrong is logged, the step is discarded, and what has no value is no number.
+A Python exception would end the process of pythonfmu's library, so none leaves this module after
+instantiation: errors are logged, the step is discarded, and undefined values are NaN.
 """
 
 from __future__ import annotations
@@ -243,7 +243,7 @@ class SystemFmu(Fmi2Slave):
         self._stepper = None
 
     def exit_initialization_mode(self) -> None:
-        """Begin; what is wrong with the parameters is logged here, and no step is done."""
+        """Start the motion; errors of the parameters are logged here, and no step is taken."""
         self._phase = "running"
         self._ready()
 

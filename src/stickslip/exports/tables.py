@@ -28,20 +28,20 @@ _MOST_ROWS = 50_000_000
 def exported_table(
     result: Result, quantities: Sequence[str], step: float | None
 ) -> pandas.DataFrame:
-    """The table that a file of a result holds.
+    """The table of a result for export.
 
     Parameters
     ----------
     quantities : sequence of str
-        Columns beside those of the coordinates; all if there are none.
+        Columns in addition to those of the coordinates; by default all.
     step : float, optional
         Time between rows of a motion or a cycle; by default the times of its dataset.
 
     Returns
     -------
     pandas.DataFrame
-        With numbers that stand for words, such as those of modes and outcomes, as words. Its
-        ``attrs`` hold the title, the version of the library and the units of the columns.
+        Table with codes, such as those of modes and outcomes, as words. Its ``attrs`` hold the
+        title, the version of the library and the units of the columns.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def write_csv(table: pandas.DataFrame, path: str | Path, units: bool) -> None:
 
 
 def write_parquet(table: pandas.DataFrame, path: str | Path) -> None:
-    """Write a table as Parquet; what is known of it is in its metadata.
+    """Write a table as Parquet, with its attributes as metadata.
 
     Raises
     ------

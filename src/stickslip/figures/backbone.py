@@ -83,7 +83,7 @@ def plot_backbone(
 
 
 def _draw(axes: Axes, found: Backbone, name: str) -> None:
-    """One quantity over the amplitude."""
+    """Plot one quantity over the amplitude."""
     data = found.dataset
     x, y = found.amplitude, data[name].values.astype(float)
     slips = data["slips"].values != 0

@@ -26,8 +26,8 @@ _QUANTILE = 1.959963984540054
 
 
 def plot_band(band: Band, ax: Axes | None = None) -> Figure:
-    """Amplitude of what moves most over the parameter, with the band of 95 %, and special points
-    with their intervals."""
+    """Plot the largest amplitude over the parameter, with its 95 % band, and special points with
+    their intervals."""
     x = _largest(band)
     if ax is not None:
         with paper_style():
@@ -72,7 +72,7 @@ def _draw(ax: Axes, band: Band, x: str) -> None:
 
 
 def _draw_special(ax: Axes, band: Band, p: Array, y: Array) -> None:
-    """Special points with their intervals; what happens at one value is one point."""
+    """Plot special points with their intervals; special points at one value are merged."""
     data = band.dataset
     values = np.asarray(data["value"].values, float)
     kinds = {

@@ -74,7 +74,7 @@ def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
 
 
 def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
-    """The section in colours; what they stand for."""
+    """Plot the section in colours; return the entries of the legend."""
     labels = basin["attractor"]
     across, up = map(str, labels.dims)
     first = min(ON_NONE)
@@ -113,8 +113,8 @@ def _colour_of(code: int) -> str:
 
 
 def _colours(basin: xarray.Dataset) -> list[str]:
-    """Rest is grey; what moves has the colours of lines, the most often reached first, but for
-    those of what has not settled."""
+    """Colours: grey for rest; for other attractors, the most often reached first, the colours of
+    lines that are not used for motions that have not settled."""
     kinds = [str(kind) for kind in basin["kind"].values]
     taken = {_colour_of(c) for c in _UNSETTLED if np.any(basin["attractor"].values == c)}
     count = max(sum(kind != "rest" for kind in kinds), 1)

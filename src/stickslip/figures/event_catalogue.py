@@ -33,14 +33,14 @@ _MAGNITUDE = 2.0 / 3.0  # of the logarithm of a size
 
 
 def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:
-    """Sizes over time; how many events are at least as large, with the law of the b-value, and how
-    many times between events are at least as long, beside what a Poisson process of the same rate
-    would have; the sum of all sizes over time, and the time after an event over its size.
+    """Plot sizes over time; the number of events of at least a given size, with the b-value law;
+    the number of interevent times of at least a given length, compared with a Poisson process of
+    the same rate; the cumulative size over time; and the time after an event over its size.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes, optional
-        Draw how many events are at least as large into these axes.
+        Plot only the number of events of at least a given size, into these axes.
     """
     if ax is not None:
         _at_least(ax, catalogue, "size")
@@ -78,8 +78,8 @@ def _over_time(axes: Axes, catalogue: EventCatalogue) -> None:
 
 
 def _sum(axes: Axes, catalogue: EventCatalogue) -> None:
-    """The sum of the sizes over time, in steps: where events release what a steady load has stored,
-    it follows a straight line."""
+    """Plot the cumulative size over time, in steps: if events release the deformation by a steady
+    load, it follows a straight line."""
     start, total = catalogue["start"].values, np.cumsum(catalogue["size"].values)
     first, last = catalogue.span
     times, sums = np.concatenate([[first], start, [last]]), np.concatenate([[0.0], total])
@@ -140,9 +140,8 @@ def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
 
 
 def _complete_from(values: Array) -> float:
-    """Size from which on the law is compared: the magnitude that most events have, in bins of 0.1
-    (S. Wiemer, M. Wyss, Bull. Seismol. Soc. Am. 90 (2000) 859-869). Smaller ones are fewer than the
-    law says."""
+    """Magnitude of completeness: the most frequent magnitude, in bins of 0.1 (S. Wiemer, M. Wyss,
+    Bull. Seismol. Soc. Am. 90 (2000) 859-869). There are fewer events below it than by the law."""
     sizes = values[values > 0.0]
     bins = np.floor(_MAGNITUDE * np.log10(sizes) / _BIN)
     found, counts = np.unique(bins, return_counts=True)

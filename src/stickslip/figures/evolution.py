@@ -66,7 +66,7 @@ def _heights(n: int) -> dict[str, list[float]]:
 
 
 def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
-    """One component; where it does not change from one output to the next, it sticks."""
+    """Plot one component; it sticks where it does not change between outputs."""
     strip(axes, t, {STICK_SHADE: np.diff(z) == 0.0}, transform=axes.get_xaxis_transform())
     _line(axes, t, z, color=BLUE)
     axes.set_ylabel(label)
@@ -117,8 +117,8 @@ def _energies(axes: Axes, history: History) -> None:
 
 
 def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
-    """Distance from the averaged motion against ε with its fitted rate, and what happens to the
-    rates.
+    """Plot the distance from the averaged motion against ε with its fitted order, and the
+    convergence of the rates.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def _drawn(fits: list[tuple[str, Fit]], ax: Axes | None) -> Figure:
 
 
 def _column(ax: Axes, below: Axes | None, fits: list[tuple[str, Fit]], r: int, name: str) -> None:
-    """One column of one recording."""
+    """Plot one column of one recording."""
     suffix = "" if r == 0 else f"_{r + 1}"
     data = fits[0][1].dataset
     time = np.asarray(data[f"time{suffix}"].values, float)
@@ -126,7 +126,7 @@ def _curve(found: Fit, r: int, name: str, time: Array) -> tuple[Array, Array]:
         or there.sum() > _LINE
         or c.formula
         not in {
-            *motion._rows,
+            *motion.row_of,
             *motion.system.outputs,
         }
     ):

@@ -61,8 +61,8 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
 
 
 def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
-    """One row for each contact, one bar for each phase, none where it is open, and a line for each
-    impact."""
+    """Plot one row for each contact, with a bar for each phase, except where it is open, and a line
+    for each impact."""
     knots = cycle.trajectory.knots
     names = list(cycle.contacts)
     start = knots.time[:-1] - knots.time[0]

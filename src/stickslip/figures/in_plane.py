@@ -103,7 +103,7 @@ def force_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
 
 
 def _collected(plane: InPlane) -> PlaneCurves:
-    """All that is drawn of one contact."""
+    """Collect the curves of one contact."""
     motion = plane.trajectory
     sampled = SampledMotion(motion)
     curves = PlaneCurves([plane], sampled, sampled.count <= FEW)

@@ -33,9 +33,9 @@ _REST = 1e-9  # of the largest speed, beside which a jump at rest is drawn
 
 
 def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Figure:
-    """Loops of the force over the displacement and over the velocity, for sines of three
-    amplitudes: the first loading and one period after it. Of rate-and-state laws the response to
-    steps of the rate, and what they come to.
+    """Plot loops of the force over the displacement and over the velocity, for sines of three
+    amplitudes: the first loading and the following period. For rate-and-state laws, plot the
+    response to steps of the rate, and the steady state.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def loop(
 def _draw_steps(
     law: FrictionLaw, values: Mapping[str, float] | None, left: Axes, right: Axes
 ) -> None:
-    """Force over slip where the rate steps up and down, and over the rate: at once and in the
-    end."""
+    """Plot the force over slip for steps of the rate up and down, and over the rate: instantaneous
+    and steady-state values."""
     for ratio, colour in zip(_RATIOS, line_colours(len(_RATIOS)), strict=True):
         _, x, _, force = steps(law, ratio, values)
         left.plot(x, force, color=colour, label=f"rate $\\times {_number(ratio)}$")
@@ -177,7 +177,7 @@ def law_force(
 
 
 def _sliding(law: FrictionLaw, speed: Array, values: Mapping[str, float] | None) -> Array:
-    """The force of a dry contact while it slides; what it holds, where it is at rest."""
+    """The kinetic friction force of a dry contact; at zero velocity its threshold."""
     system = law.specimen(values)
     (contact,) = system.declaration.contacts
     fastest = float(np.max(speed))

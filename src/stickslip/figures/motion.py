@@ -1,6 +1,6 @@
 """The plot of a motion: time traces with stick phases shaded and, if informative, the phase plane.
 
-However long the motion is, what is drawn of it is bounded: see
+The number of plotted points is bounded for motions of any length: see
 :mod:`stickslip.figures.drawing.thinning`.
 """
 
@@ -95,7 +95,7 @@ def plot_trajectory(
 
 
 class _Overview:
-    """One overview: what is shown, and in which panel."""
+    """One overview: the selection of quantities, and their panels."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class _Overview:
         self.held = [
             key
             for key in map(contact_key, self.system.constraints)
-            if key in self.contacts and not self.rubs(key)
+            if key in self.contacts and not self.has_friction(key)
         ]
         self.motion = SampledMotion(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
@@ -153,13 +153,13 @@ class _Overview:
                 )
         return set(known if coordinates is None else coordinates)
 
-    def rubs(self, key: str) -> bool:
-        """Whether a contact has friction."""
+    def has_friction(self, key: str) -> bool:
+        """Return whether a contact has friction."""
         return any(contact_key(name) == key for name in self.system.rubbing)
 
     def is_held(self, key: str) -> bool:
-        """Whether the friction force of a contact is worth a panel: it is closed for a while."""
-        if not self.rubs(key):
+        """Return whether to plot the friction force of a contact: it is closed at some time."""
+        if not self.has_friction(key):
             return False
         closed = self.modes[key] != IS_OPEN
         time = self.motion.time
@@ -169,7 +169,7 @@ class _Overview:
         return key not in self.opening or share > _CLOSED_FOR
 
     def these(self, names: Iterable[str]) -> list[str]:
-        """Those of some names that are shown."""
+        """Selected names, from the given ones."""
         return [name for name in names if name in self.shown]
 
     def unit(self, name: str) -> str:
@@ -179,7 +179,9 @@ class _Overview:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state, *self.system.unknowns, *self.system.outputs]
         if len(self.contacts) <= MANY_LINES:
-            rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
+            rubbing = [
+                key for key in self.contacts if self.has_friction(key) and key not in self.in_plane
+            ]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
             names += [name for plane in self.in_plane.values() for name in plane.traced]
             names += [f"gap_{key}" for key in self.opening]
@@ -211,7 +213,7 @@ class _Overview:
         return *columns.lines(), curves
 
     def shown_planes(self) -> list[InPlane]:
-        """Contacts in a plane whose paths and forces are drawn."""
+        """Planar contacts whose paths and forces are plotted."""
         few = len(self.contacts) <= MANY_LINES
         return list(self.in_plane.values()) if few else []
 
@@ -323,7 +325,7 @@ class _Overview:
     def _line(
         self, axes: Axes, name: str, colour: str, alpha: float = 1.0, zorder: float = 2
     ) -> None:
-        """A quantity over time; what swings in every column, its envelope."""
+        """Plot a quantity over time, or its envelope if it oscillates within pixel columns."""
         values = self.values[name]
         if not self.whole:
             # four values a column
@@ -472,7 +474,8 @@ class _Overview:
         return panel
 
     def struck(self, key: str) -> Array:
-        """When a contact is struck within what is shown; of very many impacts none is marked."""
+        """Times of the impacts of a contact within the plotted interval; none if there are too many
+        to mark."""
         impacts = self.trajectory.impacts
         times = np.asarray(impacts["time"])[np.asarray(impacts["contact"]) == key]
         shown = (times >= self.motion.time[0]) & (times <= self.motion.time[-1])
@@ -498,10 +501,10 @@ class _Overview:
     # Phase planes.
 
     def planes(self) -> list[tuple[list[str], list[str]]]:
-        """Planes that may say something: (x, ẋ) of few inertial coordinates, or the two variables
-        of a planar system.
+        """Informative phase planes: (x, ẋ) of few inertial coordinates, or the two variables of a
+        planar system.
 
-        What is shown across and what upwards, each a part of the state or the difference of two.
+        Each axis is a component of the state or the difference of two.
         """
         d = self.declaration
         planes: list[tuple[list[str], list[str]]] = []
@@ -545,7 +548,7 @@ class _Overview:
     def plane(self, across: list[str], up: list[str], curve: Curve) -> Callable[[Axes], None]:
         """A plane of two quantities, each a variable or the difference of two."""
 
-        rubbing = any(map(self.rubs, self.contacts))
+        rubbing = any(map(self.has_friction, self.contacts))
 
         def panel(axes: Axes) -> None:
             x, y, sticking = curve.points()

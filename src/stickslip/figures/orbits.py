@@ -59,14 +59,14 @@ def plot_branch(
     """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and
     named.
 
-    Equilibria are thin and grey, cycles thick, those that stick black. Of cycles the largest and
-    the smallest value is drawn.
+    Lines of equilibria are thin and grey, those of cycles thick, and black if they stick. For
+    cycles the largest and the smallest value are plotted.
 
     Parameters
     ----------
     names : list of str, optional
-        What is drawn over the parameter; by default the coordinates and internal variables that
-        change, and the speed of gaits, at most three; the mean friction of what is pulled along.
+        Quantities plotted over the parameter; by default the coordinates and internal variables
+        that change, and the speed of gaits, at most three; the mean friction of pulled systems.
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that emanate from a branch of
         equilibria.
@@ -76,7 +76,7 @@ def plot_branch(
     Raises
     ------
     DeclarationError
-        If a name is no variable of the points, or another curve is over other parameters.
+        If a name is not a variable of the points, or another curve is over other parameters.
     """
     every = [branch, *others]
     if branch.second:
@@ -160,8 +160,8 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
 
 
 def _shade_stable(axes: Axes, curve: Branch, names: tuple[str, str]) -> bool:
-    """Shade a strip along a curve of Hopf points, on the side to which their eigenvalues move to
-    the left; nothing where another one is unstable. Whether there is any."""
+    """Shade a strip along a curve of Hopf points, on the side on which their eigenvalues are
+    stable, except where another eigenvalue is unstable. Return whether there is a strip."""
     growths = [f"growth_{name}" for name in names]
     if not all(name in curve.points for name in growths):
         return False
@@ -187,7 +187,7 @@ def _shade_stable(axes: Axes, curve: Branch, names: tuple[str, str]) -> bool:
 
 
 def _draw_curve(axes: Axes, curve: Branch, names: tuple[str, str], colour: str) -> list[Line2D]:
-    """One curve, solid but where the cycles that are born at its Hopf points are unstable; the
+    """Plot one curve, dashed where the emanating cycles of its Hopf points are unstable; return the
     handles of its lines."""
     x, y = (curve.points[name].values for name in names)
     born = curve.points["lyapunov"].values if "lyapunov" in curve.points else None
@@ -215,7 +215,8 @@ def _changing(branch: Branch) -> list[str]:
     """Coordinates and internal variables that change along the branch (all of them if none does),
     and a gait's speed.
 
-    Where a gait's feet are says nothing, nor does the speed of what a load carries along.
+    Positions of the feet of a gait are omitted, as is the speed of a system carried along by a
+    load.
     """
     driven = "harmonics_error" in branch.points and not branch.system.plain.translation
     if driven and "energy_per_distance" in branch.points:
@@ -235,7 +236,7 @@ def _changing(branch: Branch) -> list[str]:
 
 
 def _label(branch: Branch, name: str) -> str:
-    """The label of a quantity: a symbol, or in words what was measured."""
+    """The label of a quantity: a symbol, or a description."""
     state = branch.system.declaration.state
     known = branch.points[name].attrs if name in branch.points else {}
     meaning = known.get("long_name")
@@ -264,7 +265,7 @@ def _is_cycles(branch: Branch) -> bool:
 
 
 def _sticks(branch: Branch) -> Array:
-    """Whether each point is a cycle that sticks."""
+    """Return whether each point is a cycle that sticks."""
     return (
         branch.points["sticks"].values
         if _is_cycles(branch)
@@ -273,7 +274,7 @@ def _sticks(branch: Branch) -> Array:
 
 
 def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str, Any]]) -> None:
-    """One variable over the parameter: a line for each stretch of one stability."""
+    """Plot one variable over the parameter: a line for each part of constant stability."""
     x = _values(branch)
     stable = _decided(branch)
     sticks = _sticks(branch)
@@ -310,8 +311,7 @@ def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
 
 
 def _is_wide(x: Array) -> bool:
-    """Whether points extend over orders of magnitude, and most of them are far below the
-    largest."""
+    """Return whether points extend over orders of magnitude, and most are far below the largest."""
     wide = np.min(x) > 0.0 and np.max(x) >= _WIDE * np.min(x)
     return bool(wide and np.median(x) <= _LOW * np.max(x))
 
@@ -330,8 +330,8 @@ def _line(stable: bool) -> Any:
 
 
 def _kind(cycle: bool, sticks: bool) -> dict[str, Any]:
-    """Colour and width of a line: an equilibrium and a cycle are told apart without colours,
-    too."""
+    """Colour and width of a line: equilibria and cycles are distinguishable also without
+    colours."""
     if not cycle:
         return {"color": EQUILIBRIUM, "lw": _THIN}
     return {"color": STICK_LINE if sticks else BLUE, "lw": _THICK}

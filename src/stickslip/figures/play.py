@@ -1,4 +1,5 @@
-"""Pictures of plays: inside their stable region, beside their limit, and as loops over the load."""
+"""Plots of plays: inside their stable region, compared with their limit, and as loops over the
+load."""
 
 from __future__ import annotations
 
@@ -113,7 +114,7 @@ def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
 def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
     """The position and the interval in which it is stable."""
     t = _times(play)
-    state = play.motion.state(*play._intervals(t, "right"))
+    state = play.motion.state(*play.intervals(t, "right"))
     band_time, band = thin(t, {"low": state.now.low, "high": state.now.high})
     axes.fill_between(
         band_time, band["low"], band["high"], fc=BAND, ec=THRESHOLD, lw=0.5, zorder=1, label=region

@@ -25,18 +25,18 @@ def plot_return_map(
     symbol: str = r"\gamma",
     name: str = r"\Psi",
 ) -> Figure:
-    """Return maps over an interval, with the cobweb of the first one.
+    """Plot return maps over an interval, with the cobweb of the first one.
 
     Parameters
     ----------
     maps : mapping of str to function
-        By the text of the legend; at most six.
+        Maps by the text of the legend; at most six.
     start : float, optional
-        Where the cobweb starts.
+        Start of the cobweb.
     steps : int
-        Of the cobweb; it ends earlier when it stands still or leaves the interval.
+        Steps of the cobweb; it ends earlier if it converges or leaves the interval.
     symbol, name : str
-        Of the variable and of the map, in mathtext.
+        Names of the variable and of the map, in mathtext.
     """
     x = np.linspace(*interval, _SAMPLES)
     with paper_style():

@@ -52,23 +52,23 @@ _PAD = 0.1  # of what most lines take, beyond them
 def plot_records(
     data: xarray.Dataset, measures: Sequence[str] | None = None, ax: Axes | None = None
 ) -> Figure:
-    """Measures of many records over their scale, or another axis: thin lines of all records, a
-    thick one of their median, and a band from 16 % to 84 % of them; lines of a few that are far
-    beyond leave the picture. Without such an axis, a dot for each record.
+    """Plot measures of many records over their scale, or another axis: thin lines for all records,
+    a thick one for their median, and a band from 16 % to 84 % of them; lines of a few outliers are
+    clipped. Without such an axis, plot a dot for each record.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Of a :class:`stickslip.Map` with an axis of records.
+        Dataset of a :class:`stickslip.Map` with an axis of records.
     measures : sequence of str, optional
-        What is shown; by default all measures.
+        Plotted measures; by default all.
     ax : matplotlib.axes.Axes, optional
         Existing axes to draw the first of them into.
 
     Raises
     ------
     DeclarationError
-        If there is no such measure, or what else varies has too many values for lines.
+        If there is no such measure, or another axis has too many values for lines.
     """
     names = chosen_measures(data, measures)
     along = _along(data)
@@ -96,7 +96,7 @@ def _along(data: xarray.Dataset) -> str | None:
 
 
 def _levels(data: xarray.Dataset, along: str | None) -> list[tuple[str, dict[str, int]]]:
-    """Values of what else varies, and where they stand."""
+    """Values of the other axis, and their positions."""
     others = [str(d) for d in data["outcome"].dims if d not in (along, record_axis(data))]
     places = list(product(*(range(data.sizes[d]) for d in others)))
     if len(places) > _MOST:
@@ -161,7 +161,7 @@ def _lines(
 
 
 def _leave_out(axes: Axes, low: float, high: float) -> None:
-    """Let lines far beyond leave the picture, where they would take most of it."""
+    """Clip lines of outliers that would take most of the figure."""
     bottom, top = axes.get_ylim()
     if high > low and top - bottom > _FAR * (high - low):
         room = _PAD * (high - low)

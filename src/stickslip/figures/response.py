@@ -60,11 +60,11 @@ _APART = 2.0  # points between a label and what it must not touch
 def plot_response(
     response: FrequencyResponse, names: Sequence[str] | None = None, *, ax: Axes | None = None
 ) -> Figure:
-    """Quantities of a response over the frequency, in lines by level with labels at them.
+    """Plot quantities of a response over the frequency, one labelled line per level.
 
-    Unstable parts are dashed, parts on which no contact slips are thin. Folds are circles, dots
-    are where contacts begin to stick or to slip or a boundary is touched. Triangles are motions of
-    sweeps up and down. The thin dark line joins the largest responses of the levels.
+    Unstable parts are dashed, parts without slip are thin. Circles are folds; dots are points at
+    which contacts begin to stick or to slip, or a boundary is touched. Triangles are motions of
+    sweeps up and down. The thin dark line connects the largest responses of the levels.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def plot_response(
 
 
 def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
-    """One quantity over the frequency."""
+    """Plot one quantity over the frequency."""
     data, x = response.dataset, response.parameter
     colours = _colours(response)
     for number in np.unique(data["line"].values) if data.sizes["point"] else ():

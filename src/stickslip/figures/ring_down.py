@@ -117,7 +117,7 @@ def _powers(axis: Axis, values: Array) -> None:
 
 
 def _wide(values: Array) -> bool:
-    """Whether positive values fill more than a decade."""
+    """Return whether positive values span more than a decade."""
     return bool(np.min(values) > 0.0 and np.max(values) > _DECADES * np.min(values))
 
 

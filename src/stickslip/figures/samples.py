@@ -22,7 +22,7 @@ _FINE = 4000  # places between samples at which a curve is drawn
 
 
 def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
-    """Values over time: the samples as dots if they are few, and what is between them.
+    """Plot values over time: the interpolation, with the samples as dots if they are few.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
 
 
 def plot_table(table: Table, ax: Axes | None = None) -> Figure:
-    """Values over the points, with what is between them and, where it is something, outside.
+    """Plot a table: its points, with the interpolation and, if defined, the extrapolation.
 
     Parameters
     ----------

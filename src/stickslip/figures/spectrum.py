@@ -44,7 +44,7 @@ def plot_eigenvalues(found: Equilibria, ax: Axes | None = None) -> Figure:
 
 
 def _draw(axes: Axes, found: Equilibria) -> None:
-    """One marker a kind, and the unstable half plane shaded."""
+    """Plot eigenvalues with one marker per kind, and shade the unstable half-plane."""
     colours = line_colours(max(len(found), 1))
     verdicts = {True: "stable", False: "unstable", None: "undecided"}
     for i, e in enumerate(found):

@@ -82,20 +82,19 @@ _OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY
 def plot_sweep(
     data: xarray.Dataset, measures: Sequence[str] | None = None, ax: Axes | None = None
 ) -> Figure:
-    """The picture of a map.
+    """Plot a map.
 
-    Points without a certificate are hatched (hollow, on a line), and the legend says what they
-    lack, or that they are irregular, slow, or have not settled within the limits. Grey points were
-    computed, but have no value of the measure; the legend says why, in as many greys. White ones
-    are not computed. Colours begin at 0 where the measure cannot be negative; where it has both
-    signs, 0 is in the middle.
+    Points without a certificate are hatched (hollow, on a line); the legend names the failed
+    criterion, or irregular, slow, or unsettled motion. Grey points have no value of the measure;
+    the legend gives the reasons, one grey per reason. White points are not computed. The colour
+    scale starts at 0 for nonnegative measures, and is centred at 0 for measures of both signs.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Of a :class:`stickslip.Map`, with one, two or three axes.
+        Dataset of a :class:`stickslip.Map`, with one, two or three axes.
     measures : sequence of str, optional
-        What is shown; by default all measures. ``"outcome"`` is understood, too.
+        Plotted measures; by default all. ``"outcome"`` is also accepted.
     ax : matplotlib.axes.Axes, optional
         Draw the first measure of a map over one or two axes into these.
 
@@ -148,14 +147,14 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
 
 
 def _longest(data: xarray.Dataset) -> str:
-    """The axis that lines are drawn over."""
+    """The horizontal axis of line plots."""
     sizes = {str(d): data.sizes[d] for d in data["outcome"].dims if d != DIRECTION}
     return max(sizes, key=sizes.__getitem__) if sizes else DIRECTION
 
 
 def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
-    """Whether the axes beside one are so short that a line for each of their values says more than
-    a map would.
+    """Return whether the other axes are short enough for a line plot with a line for each of their
+    values.
 
     Samples and outcomes have no lines.
     """
@@ -206,16 +205,16 @@ def _line(
     color: str = BLUE,
     linestyle: Any = "-",
 ) -> None:
-    """One measure over one axis; hollow: not certified, ticks below: without a value.
+    """Plot one measure over one axis; hollow: not certified, ticks below: without a value.
 
     Parameters
     ----------
     data : xarray.Dataset
         With one axis.
     codes : sequence of int
-        Outcomes of points without a value, in the whole picture.
+        Outcomes of points without a value, in the whole figure.
     name, along : str
-        The measure, and what it is drawn over.
+        The measure, and the horizontal axis.
     color, linestyle
         Of the line.
     """
@@ -317,7 +316,7 @@ def _maps(data: xarray.Dataset, names: list[str]) -> Figure:
 
 
 def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
-    """One measure, over two axes for values of the shortest one."""
+    """Plot small multiples of one measure: maps over two axes, for values of the shortest one."""
     third = str(min(data["outcome"].dims, key=lambda d: data.sizes[d]))
     count = data.sizes[third]
     picked = np.unique(np.linspace(0, count - 1, min(count, _MULTIPLES)).round().astype(int))
@@ -354,9 +353,9 @@ def draw_map(
     name : str
         A measure or ``"outcome"``.
     scale : ColourScale, optional
-        What the colours stand for; by default that of the values.
+        Colour scale; by default that of the values.
     bar : bool
-        Whether the colours get a scale beside the map.
+        Whether to add a colour bar.
     """
     first, second = (_coordinates(data, str(d))[0] for d in data["outcome"].dims)
     rows, columns = (np.argsort(data[n].values) for n in (first, second))

@@ -4,7 +4,7 @@ To first order (the delta method) a number y(p) of the fitted system has the var
 gradient g and the covariance C of the fit. Gradients of cycles are exact
 (:meth:`Cycle.sensitivity`); special points are located again for parameters on both sides of the
 estimate, along the principal axes of C. At a fold the amplitude at a fixed parameter has no
-gradient, but the curve itself moves by a finite distance: so bands are drawn along its normals.
+gradient, but the curve itself moves by a finite distance, so bands are computed along its normals.
 """
 
 from __future__ import annotations
@@ -298,8 +298,8 @@ def _moved_by(
 
 
 def _beside(branch: Branch, point: SpecialPoint, width: float) -> Cycle:
-    """A cycle of the branch beside a special point, far enough away to be one for other parameters,
-    too; from there that point is found again."""
+    """A cycle of the branch near a special point, far enough from it to exist for neighbouring
+    parameters, too; the point is located again from there."""
     values = branch.points[branch.parameter].values
     certified = branch.points["certified"].values == 1
     away = np.abs(values - point.value) / width

@@ -1,7 +1,7 @@
 """Comparison of several systems with the same data, by information criteria.
 
-Akaike's weights exp(−ΔAICc/2) say how often each would predict best. Where the best has less than
-0.95 of them, the data do not decide.
+Akaike weights exp(−ΔAICc/2) estimate the probability that each model is the best predictor. If the
+best has a weight below 0.95, the data do not discriminate between the models.
 
 References
 ----------
@@ -258,7 +258,7 @@ def compare_systems(
 
 
 def _nothing(_: float) -> None:
-    """Somebody else tells how far it is."""
+    """No progress: it is reported by the comparison."""
 
 
 def _named(systems: Mapping[str, System] | Sequence[System]) -> dict[str, System]:
@@ -319,8 +319,8 @@ def _compared(names: list[str], fits: list[Fit]) -> Comparison:
 
 
 def _flat(found: Fit) -> tuple[str, ...]:
-    """Unknowns that the data do not bound on both sides; profiles of what is well determined are
-    not looked at."""
+    """Unknowns that the data do not bound on both sides; profiles of well-determined unknowns are
+    not computed."""
     loose = []
     for j, name in enumerate(found.names):
         error, value = float(found.statistics.error[j]), abs(float(found.values[j]))

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
     """The residuals of a problem as a function of JAX, differentiable once, forward and backward.
 
-    Motions are computed on the host, one after the other under ``vmap``. Numbers are of double
-    precision if JAX is told so (``jax.config.update("jax_enable_x64", True)``).
+    Motions are computed on the host, sequentially under ``vmap``. Numbers have double precision if
+    it is enabled in JAX (``jax.config.update("jax_enable_x64", True)``).
 
     Raises
     ------

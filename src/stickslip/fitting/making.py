@@ -222,8 +222,7 @@ def _dataset(found: Search, s: Statistics) -> xarray.Dataset:
 
 
 def _about(system: System, name: str) -> dict[str, str]:
-    """Unit and meaning of what is observed: a quantity, or a formula of some; times of events have
-    none."""
+    """Unit and meaning of an observation: a quantity, or a formula; times of events have none."""
     from stickslip.model.quantities import quantity_or_formula
 
     try:

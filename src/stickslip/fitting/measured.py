@@ -28,7 +28,7 @@ Noise = float | str
 
 
 class GivenUp(Exception):
-    """A motion that explains nothing: it stopped, or takes too long."""
+    """A motion that cannot be compared with the data: it stopped, or takes too long."""
 
 
 class Column(NamedTuple):
@@ -225,20 +225,20 @@ def read_recording(
     observe: Mapping[str, str],
     noise: Mapping[str, Noise],
 ) -> MeasuredRecord:
-    """A recording, read for a system.
+    """Read a recording for a system.
 
     Parameters
     ----------
     observe : mapping of str to str
-        The quantity, or formula of quantities, that each column is of.
+        Quantity, or formula of quantities, of each column.
     noise : mapping of str to float or str
-        Standard deviations of columns, or the columns in which these are.
+        Standard deviations of columns, or the columns that contain them.
 
     Raises
     ------
     DeclarationError
-        If a column or a drive is not there, nothing is left of it, or the motion needs a drive
-        beyond its samples.
+        If a column or a drive is missing, no data remain, or the motion needs a drive beyond its
+        samples.
     """
     where = recording.source
     if recording.events:

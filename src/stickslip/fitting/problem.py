@@ -34,7 +34,7 @@ _LEAST = 4  # rows of a part of a recording
 
 
 class NoDerivative(StickslipError, RuntimeError):
-    """The motion has no derivative here: the message says when and why."""
+    """The motion has no derivative here: the message gives the time and the reason."""
 
 
 def _huber(z: Array) -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 
 
 class Evaluated(NamedTuple):
-    """The motions for some values, and what was measured of them; or why there are none."""
+    """The motions for some values, and their measurements; or the reason why there are none."""
 
     motions: tuple[Trajectory, ...]
     values: Array
@@ -266,7 +266,7 @@ class FitProblem:
         return Evaluated(tuple(motions), np.concatenate(parts), "")
 
     def _slopes(self, m: MeasuredRecord, motion: Trajectory, r: int, touching: bool) -> Array:
-        """Derivatives of what was measured in a recording by the unknowns."""
+        """Derivatives of the measurements of a recording with respect to the unknowns."""
         own = [j for j, u in enumerate(self.unknowns) if u.record in (-1, r)]
         names = [self.unknowns[j].name for j in own]
         found = m.of_motion(motion, names, touching)
@@ -345,7 +345,7 @@ class FitProblem:
 
 
 def _check_derivatives(system: System) -> None:
-    """Reject what has no derivatives whatever its motions are."""
+    """Reject systems and observations that have no derivatives for any motion."""
     for z in system.plain.declaration.resisted:
         raise DeclarationError(
             "system",
@@ -461,7 +461,7 @@ def _read(
     empty = _without_motion(system)
     columns = [str(c) for c in recording.table.columns]
     if observe is None:
-        known = {*empty._rows, *system.outputs, *(["t"] if recording.events else [])}
+        known = {*empty.row_of, *system.outputs, *(["t"] if recording.events else [])}
         clock = "" if recording.events else recording.clock
         observe = {
             name: name
@@ -473,7 +473,7 @@ def _read(
                 f"{recording.source}, observe",
                 f"no column has the name of a quantity of {system.name}",
                 f'Map columns to quantities, like {{"{_other(columns)}": '
-                f'"{next(iter(empty._rows))}"}}',
+                f'"{next(iter(empty.row_of))}"}}',
             )
     for name in noise:
         if name not in observe:
@@ -488,7 +488,7 @@ def _other(columns: list[str]) -> str:
 
 
 def _without_motion(system: System) -> Trajectory:
-    """A motion of no length: what its quantities are called."""
+    """A motion of zero length, for the names of its quantities."""
     from stickslip.motion.outcome import Outcome
 
     problem = pose(system)

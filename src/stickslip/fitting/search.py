@@ -1,11 +1,11 @@
 """The minimisation of a least-squares problem of motions: several starts, and recordings of
 increasing length.
 
-Where a motion repeats itself, sums of squares have a minimum wherever its period fits the data a
-little: from far away only the first part of a recording leads to the right one. So each start is
-followed over an eighth of the recordings, a quarter, a half and all, and after each of these the
-better half of the starts goes on. Least squares themselves are SciPy's (a trust region that keeps
-to bounds), with the exact Jacobian.
+For periodic motions, sums of squares have local minima at many periods; far from the solution, only
+the first part of a recording leads to the global one. So each start is optimised over an eighth of
+the recordings, a quarter, a half and all, and after each of these stages the better half of the
+starts continues. The least-squares solver is SciPy's (a trust region method with bounds), with the
+exact Jacobian.
 """
 
 from __future__ import annotations
@@ -74,23 +74,23 @@ class Search:
 def minimise(
     problem: FitProblem, starts: int, seed: int, show: Callable[[float, str], object]
 ) -> Search:
-    """Look for the least sum of squares.
+    """Minimise the sum of squares.
 
     Parameters
     ----------
     starts : int
-        How many, the given one first.
+        Number of starts, the given one first.
     seed : int
-        Of the other starts.
+        Seed of the other starts.
     show : callable
-        Is told how much is done.
+        Called with the completed fraction.
 
     Raises
     ------
     ConvergenceError
         If the motion cannot be computed at any start.
     DeclarationError
-        If nothing that was observed depends on an unknown.
+        If no observation depends on an unknown.
     """
     begin = spread_starts(problem.unknowns, starts, seed)
     found = Search(problem, Minimum(begin[0], math.inf, "not tried yet"), begin)
@@ -274,7 +274,7 @@ def _descend(problem: FitProblem, p: Array, rough: bool = False) -> Minimum:
 
 
 def jacobian_near(problem: FitProblem, p: Array) -> Array:
-    """The Jacobian; where there is none, that of a neighbour; where neighbours have none either,
+    """The Jacobian; if it does not exist, that of a neighbouring point; if these have none either,
     differences.
 
     Raises
@@ -318,7 +318,7 @@ def _by_differences(problem: FitProblem, p: Array, first: NoDerivative) -> Array
 
 
 def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
-    """Reject unknowns on which nothing depends, wherever one starts."""
+    """Reject unknowns on which no observation depends, at any start."""
     idle = np.ones(len(problem.unknowns), bool)
     looked = 0
     for p in starts:

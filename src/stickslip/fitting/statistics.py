@@ -1,9 +1,10 @@
 """Statistics of a fit: standard errors, correlations of the residuals, tests.
 
-Near its minimum the sum of squares is a parabola, (p − p̂)ᵀ JᵀJ (p − p̂)/σ², so the covariance is σ²
-(JᵀJ)⁻¹; for a robust loss with ψ(r) = ρ′(r²) r it is E[ψ²]/E[ψ′]² (JᵀJ)⁻¹ (Huber). Residuals of
-neighbours that are correlated by ρ say less: of n of them n (1 − ρ)/(1 + ρ) count (as of an
-autoregressive process of order one), and standard errors grow as if there were no more.
+Near its minimum the sum of squares is a parabola, (p − p̂)ᵀ JᵀJ (p − p̂)/σ², so the covariance is
+σ² (JᵀJ)⁻¹; for a robust loss with ψ(r) = ρ′(r²) r it is E[ψ²]/E[ψ′]² (JᵀJ)⁻¹ (Huber). Residuals of
+neighbours that are correlated by ρ contain less information: n of them count as n (1 − ρ)/(1 + ρ)
+independent ones (for an autoregressive process of order one), and standard errors increase
+accordingly.
 
 References
 ----------

@@ -81,12 +81,12 @@ def read_unknowns(
         Parameters, and components of the state, or degrees of freedom of structures, for their
         initial values, with bounds; by default the declared ranges.
     given : mapping of str to float
-        Values of parameters that replace the defaults: where to begin.
+        Values of parameters that replace the defaults: the start of the fit.
 
     Raises
     ------
     DeclarationError
-        If nothing is free, a name is unknown or also fixed in a record, or bounds are none.
+        If no parameter is free, a name is unknown or also fixed in a record, or bounds are invalid.
     """
     table = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     if not table:

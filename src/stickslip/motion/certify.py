@@ -76,12 +76,12 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
 
 def _collides(trajectory: Trajectory, start: Array) -> bool:
     """Whether bodies that touch approach each other at the start."""
-    which = [*trajectory._switches.openings.values()]
+    which = [*trajectory.switches.openings.values()]
     if not which:
         return False
     k, layout = trajectory.knots, trajectory.problem.compiled.layout
     first = Knots.single(float(k.clock[0]), start, k.mode[0], k.region[0], k.origin)
-    (row,) = trajectory._retraced.rows_by_steps(first, k.clock[:1], np.zeros(1, np.int64))
+    (row,) = trajectory.dense_output.rows_by_steps(first, k.clock[:1], np.zeros(1, np.int64))
     gaps = row[[layout.gaps[i] for i in which]]
     rates = row[[layout.u[i] for i in which]]
     places = np.abs(k.state[:, : layout.sizes["nq"]])

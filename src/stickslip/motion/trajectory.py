@@ -123,7 +123,7 @@ class Trajectory(Result):
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, within their accuracy."""
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
-        sizes = dict(zip(self.final, map(float, self._retraced.seen), strict=False)) | {
+        sizes = dict(zip(self.final, map(float, self.dense_output.seen), strict=False)) | {
             "t": values["t"]
         }
         found = []
@@ -150,10 +150,10 @@ class Trajectory(Result):
     # -- names and rows ----------------------------------------------------------------------------
 
     @cached_property
-    def _rows(self) -> dict[str, int]:
+    def row_of(self) -> dict[str, int]:
         """Row of each published quantity, without modes and energies."""
         layout = self.problem.compiled.layout
-        contacts = self._switches.contacts
+        contacts = self.switches.contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
         for parts in self.system.rubbing.values():
@@ -173,15 +173,15 @@ class Trajectory(Result):
                 }
                 rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
                 rows[f"slip_speed_{key}"] = u
-        for key, i in self._switches.openings.items():
+        for key, i in self.switches.openings.items():
             whole = layout.force[i], 0, 0, layout.gaps[i]
             force, *_, gap = layout.parts.get(f"normal_{key}", whole)
             rows |= {f"normal_{key}": force, f"gap_{key}": gap}
         return rows | {f"normal_{contact_key(name)}": i for name, i in layout.carrying.items()}
 
     @cached_property
-    def _switches(self) -> Switches:
-        """Modes of the contacts from knot to knot."""
+    def switches(self) -> Switches:
+        """Modes of the contacts, switches and jumps, from knot to knot."""
         return Switches(self.system, self.problem.compiled.equations, self.knots)
 
     @property
@@ -189,7 +189,7 @@ class Trajectory(Result):
         """Mode of each contact after every knot, by its name in variables: 0 in stick, ±1 in slip
         (1 in a plane); for a contact that can open also 2 if open, and 3 if closed and
         frictionless."""
-        return self._switches.modes
+        return self.switches.modes
 
     @cached_property
     def impacts(self) -> pandas.DataFrame:
@@ -203,10 +203,10 @@ class Trajectory(Result):
 
         k = self.knots
         first = len(self.problem.compiled.equations.kinks)
-        numbers = {first + i: key for key, i in self._switches.openings.items()}
+        numbers = {first + i: key for key, i in self.switches.openings.items()}
         struck = self._impacts
-        before = self._retraced.rows(k.clock[struck], struck - 1)
-        after = self._retraced.rows(k.clock[struck], struck)
+        before = self.dense_output.rows(k.clock[struck], struck - 1)
+        after = self.dense_output.rows(k.clock[struck], struck)
         rows = [self.problem.compiled.layout.u[k.cause[i] - first] for i in struck]
         each = np.arange(len(struck))
         energy = self.problem.compiled.layout.rows
@@ -226,16 +226,16 @@ class Trajectory(Result):
         where the motion ends because they cannot."""
         k = self.knots
         first = len(self.problem.compiled.equations.kinks)
-        closed = np.isin(k.cause, [first + i for i in self._switches.openings.values()])
+        closed = np.isin(k.cause, [first + i for i in self.switches.openings.values()])
         closed[0] = False
         closed[-1] &= self.outcome not in (Outcome.NO_COLLISION, Outcome.CREATES_ENERGY)
         index = np.flatnonzero(closed)
         return index[k.mode[index - 1, k.cause[index] - first] != 0]
 
     @cached_property
-    def _leaps(self) -> Array:
-        """Knots at which the state jumps, in impacts or declared jumps."""
-        jumped = np.flatnonzero(np.any(self._switches.jumped, axis=1)) + 1
+    def state_jumps(self) -> Array:
+        """Indices of the knots at which the state jumps, in impacts or declared jumps."""
+        jumped = np.flatnonzero(np.any(self.switches.jumped, axis=1)) + 1
         return np.union1d(self._impacts, jumped)
 
     @cached_property
@@ -246,36 +246,36 @@ class Trajectory(Result):
         """
         import pandas as pd
 
-        knot, which = map(np.ascontiguousarray, np.nonzero(self._switches.jumped))
+        knot, which = map(np.ascontiguousarray, np.nonzero(self.switches.jumped))
         clock = self.knots.clock[knot + 1]
         energy = self.problem.compiled.layout.rows
-        before = self._retraced.rows(clock, knot)[:, energy]
-        after = self._retraced.rows(clock, knot + 1)[:, energy]
+        before = self.dense_output.rows(clock, knot)[:, energy]
+        after = self.dense_output.rows(clock, knot + 1)[:, energy]
         names = np.array([*self.system.jumps], dtype=object)
         time = self.knots.time[knot + 1]
         columns = {"time": time, "jump": names[which], "energy_change": after - before}
         return pd.DataFrame(columns)
 
     @cached_property
-    def _retraced(self) -> Retraced:
-        """The motion between its knots."""
+    def dense_output(self) -> Retraced:
+        """States, rows and work at any time, recomputed from the knots."""
         return Retraced(self.problem, self.knots)
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
-        return self._retraced.rows(times - self.knots.origin, index)
+        return self.dense_output.rows(times - self.knots.origin, index)
 
-    def _states_at(self, times: Array, index: Array) -> Array:
+    def states_at(self, times: Array, index: Array) -> Array:
         """States at times within the steps of the knots `index`, shape (times, states)."""
-        return self._retraced.states(times - self.knots.origin, index)
+        return self.dense_output.states(times - self.knots.origin, index)
 
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
         k = self.knots
         rows = self.problem.compiled.layout.rows
-        energy = self._retraced.rows_by_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
-        return audited(self.problem, k, self._retraced.seen, energy)
+        energy = self.dense_output.rows_by_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
+        return audited(self.problem, k, self.dense_output.seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -317,7 +317,7 @@ class Trajectory(Result):
             )
         index = np.searchsorted(self.knots.clock, clock, side=side) - 1
         index = np.clip(index, 0, len(self.knots.clock) - 1)
-        values = self._values(clock, index)
+        values = self.values_at(clock, index)
         return {
             name: v[0].item() if np.ndim(t) == 0 else v.reshape(shape) for name, v in values.items()
         }
@@ -351,24 +351,24 @@ class Trajectory(Result):
             return values | of_modes(forms, values)
         p, k = self.problem, self.knots
         shown = p.compiled.layout.without_series | shared_forces(p.rows)
-        followed = [name for name in names if self._rows[name] not in shown]
-        wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
+        followed = [name for name in names if self.row_of[name] not in shown]
+        wanted = np.array([self.row_of[name] for name in followed], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         work = make_scratch(p.rows, (p.order + 2, len(wanted)))
-        given = self._retraced.seen, k.record, index, times - k.origin, wanted, work, out
+        given = self.dense_output.seen, k.record, index, times - k.origin, wanted, work, out
         if followed:
             unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
         values = dict(zip(followed, out, strict=True))
         if len(followed) < len(names):
             sampled = self._sample(times, index)
             values = {
-                name: values[name] if name in values else sampled[:, self._rows[name]]
+                name: values[name] if name in values else sampled[:, self.row_of[name]]
                 for name in names
             }
         self._without_contact(values, index)
         return values
 
-    def _values(self, clock: Array, index: Array) -> dict[str, Array]:
+    def values_at(self, clock: Array, index: Array) -> dict[str, Array]:
         """All published quantities at times since the origin, within the steps of the knots
         `index`."""
         from stickslip.motion.between.formulas import evaluated
@@ -383,23 +383,22 @@ class Trajectory(Result):
 
     def _values_without_outputs(self, clock: Array, index: Array) -> dict[str, Array]:
         """The same without outputs."""
-        out = self._retraced.rows(clock, index)
+        out = self.dense_output.rows(clock, index)
         rows = self.problem.compiled.layout.rows
-        values = {name: out[:, row] for name, row in self._rows.items()}
+        values = {name: out[:, row] for name, row in self.row_of.items()}
         values |= of_modes(self.system.unknowns, values)
         self._without_contact(values, index)
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]
         values["energy"] = out[:, rows]
-        work = self._retraced.work(clock, index)
+        work = self.dense_output.work(clock, index)
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
 
     def _without_contact(self, values: dict[str, Array], index: Array) -> None:
-        """Set the forces of open contacts to exactly zero, which solving leaves at rounding
-        errors."""
-        for key in self._switches.openings:
+        """Let the forces of what is open be exactly zero: solving leaves rounding errors."""
+        for key in self.switches.openings:
             is_open = self.modes[key][index] == IS_OPEN
             for kind in ("normal", *FORCES):
                 name = f"{kind}_{key}"
@@ -420,7 +419,7 @@ class Trajectory(Result):
         k = self.knots
         clock = np.union1d(k.clock, np.linspace(k.clock[0], k.clock[-1], GRID + 1))
         index = np.searchsorted(k.clock, clock, side="right") - 1
-        values = self._values(clock, index)
+        values = self.values_at(clock, index)
         variables = {name: ("time", v, self._attributes(name)) for name, v in values.items()}
         coordinate = ("time", clock + k.origin, quantity(self.system, "t"))
         return xr.Dataset(
@@ -456,7 +455,7 @@ class Trajectory(Result):
         joined names; ``slip+`` and ``slip-`` then refer to the first of them. Passing a sample of a
         drive is not an event.
         """
-        return self._switches.events(self.problem.compiled.layout.state)
+        return self.switches.events(self.problem.compiled.layout.state)
 
     @validated
     def event_catalogue(
@@ -552,13 +551,13 @@ class Trajectory(Result):
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""
-        return int(np.count_nonzero(self._switches.switched[0]))
+        return int(np.count_nonzero(self.switches.switched[0]))
 
     @property
     def n_kinks(self) -> int:
         """Number of kinks (regions of piecewise functions) crossed, without samples of drives and
         guards of jumps."""
-        return int(np.count_nonzero(self._switches.crossed))
+        return int(np.count_nonzero(self.switches.crossed))
 
     @property
     def final(self) -> dict[str, float]:

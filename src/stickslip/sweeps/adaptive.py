@@ -1,10 +1,10 @@
 """Adaptive maps: computed finely only where something changes.
 
-The points of the full grid stay the points of the map. A coarse selection of them divides it into
-cells; a cell is halved in all directions where an outcome or a measure changes among the points
-computed in it and on its boundary, down to the grid itself. Looking at the boundary, too, lets
-cells follow a curve that their neighbours have found. What lies in a cell where nothing changes is
-interpolated and marked as such; a feature that no coarse point sees is not found.
+The points of the map are those of the full grid. A coarse selection of them divides it into cells;
+a cell is halved in all directions if an outcome or a measure changes among the points computed in
+it and on its boundary, down to the grid. Because of the boundary, refinement follows a curve from
+cell to cell. Points in cells without changes are interpolated and marked as such; a feature between
+the coarse points may be missed.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Adaptive:
 
 
 def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
-    """Reject a refinement by what is not measured, or along axes without order.
+    """Reject a refinement by quantities that are not measured, or along axes without order.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:
 
 
 def rounds(store: MapStore, adaptive: Adaptive) -> Iterator[Array]:
-    """Points wanted, one set after another; the next set depends on what was computed.
+    """Requested points, in successive sets; each set depends on the previous results.
 
     Yields
     ------
@@ -146,7 +146,7 @@ def _divisible(cell: Cell) -> bool:
 
 
 def _changes(cell: Cell, known: Array, tables: Sequence[Array], limits: Sequence[float]) -> bool:
-    """Whether something changes among the computed points of a cell."""
+    """Return whether an outcome or a measure changes among the computed points of a cell."""
     box = _box(cell)
     here = known[box]
     for table, limit in zip(tables, limits, strict=True):

@@ -1,10 +1,10 @@
 """Basins of attraction: which attractor each state of a section reaches.
 
-A basin is a map over initial states (:mod:`stickslip.sweeps.sweep`): what is said of every motion
-is proved or certified point by point.
-What motions settle on is then sorted. Rest is a set, and so are the oscillations in which a contact
-sticks for good: it may do so at many places. Any other cycle is closed once by Newton's method,
-which tells its stability, and belongs to all motions that have settled on it.
+A basin is a map over initial states (:mod:`stickslip.sweeps.sweep`), with a proof or certificate at
+every point. The attractors are then classified. States of rest form sets, as do oscillations in
+which a contact sticks permanently, since its position is arbitrary. Any other cycle is closed once
+by Newton's method, which also gives its stability, and is assigned to all motions that have settled
+on it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from stickslip.progress import told
 from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
-from stickslip.sweeps.request.measures import MISSING, known_for_a_time
+from stickslip.sweeps.request.measures import MISSING, ends_with_samples
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
@@ -85,16 +85,17 @@ class Attractor:
     state : dict of str to float
         One of its states.
     period, speed : float
-        0 where there is none.
+        0 if there is none.
     certified : bool
         Whether every motion that reached it is certified, and its cycle, if it has one.
     family : bool
-        Whether it is one of many: contacts that stick for good may do so at many places.
+        Whether it belongs to a continuous family: contacts that stick permanently may do so at many
+        positions.
     stability : str
-        Of an isolated equilibrium or of a cycle, by its eigenvalues or multipliers; empty where
-        these say nothing.
+        Stability of an isolated equilibrium or a cycle, from its eigenvalues or multipliers; empty
+        if these are inconclusive.
     cycle : Cycle or None
-        As Newton's method has closed it; None where there is none, or it did not converge.
+        The cycle closed by Newton's method; None if there is none, or it did not converge.
     """
 
     kind: str
@@ -116,7 +117,7 @@ class SettledMotions:
     ----------
     outcome, lacking : arrays of int, shape (motions,)
     time, period : arrays, shape (motions,)
-        When it is where it is, and after what time it is there again.
+        Time of the state, and time after which it recurs.
     state, low, high, shift : arrays, shape (motions, n)
     stuck : array of bool, shape (motions, contacts)
         Contacts that stick throughout.
@@ -195,7 +196,7 @@ def basin(
     settings = settings or Settings()
     check_limit(time_limit)
     system = with_span(system, span)
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         raise DeclarationError(
             "basin",
             f"the samples that drive {system.name} end, so no motion settles",
@@ -222,26 +223,12 @@ def basin(
 
         pool = Pool("threads", workers)
         interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
-    done = store.outcome.ravel() >= 0
-    label = np.full(done.size, _NOT_COMPUTED)
-    lacks = np.full(done.size, MISSING.index("result"))
-    reached = []
-    if np.any(done):
-        found = _settled(problem, store, done)
-        sizes = np.zeros(len(system.declaration.state))
-        for name, values in varying.items():
-            for x, slope in system.start_slope(name).items():
-                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
-        with watching():  # what is interrupted in it ends all of it
-            census = _Census(problem, found, sizes)
-        label[done], reached = census.label, census.reached
-        lacks[done] = found.lacking
-    data = _dataset(system, varying, label, reached, lacks, interrupted)
+    data = _classified(problem, store, varying, interrupted)
     return Basin(system, dict(problem.parameters), data)
 
 
 def _measures(problem: Problem) -> tuple[str, ...]:
-    """What tells attractors apart."""
+    """Measures that distinguish attractors."""
     return (
         *("time", "duration", "switches"),
         *(f"{name}:{x}" for name in _COMPONENTS for x in problem.system.declaration.state),
@@ -256,8 +243,31 @@ def _contacts(problem: Problem) -> list[str]:
     return [named.get(own[0].name, own[0].name) for own in members]
 
 
+def _classified(
+    problem: Problem, store: MapStore, varying: dict[str, Array], interrupted: bool
+) -> xarray.Dataset:
+    """The dataset of a basin: the attractor of each computed motion of a map."""
+    system = problem.system
+    done = store.outcome.ravel() >= 0
+    label = np.full(done.size, _NOT_COMPUTED)
+    lacks = np.full(done.size, MISSING.index("result"))
+    reached = []
+    if np.any(done):
+        found = _settled(problem, store, done)
+        # An unknown of a structure moves several states, each in proportion to its slope.
+        sizes = np.zeros(len(system.declaration.state))
+        for name, values in varying.items():
+            for x, slope in system.start_slope(name).items():
+                sizes[system.declaration.places[x]] += 0.5 * np.ptp(values) * abs(slope)
+        with watching():  # an interrupt ends the complete classification
+            classes = _Classification(problem, found, sizes)
+        label[done], reached = classes.label, classes.reached
+        lacks[done] = found.lacking
+    return _dataset(system, varying, label, reached, lacks, interrupted)
+
+
 def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
-    """What motions have settled on, of the points of a map that are done."""
+    """Attractors of the motions at the computed points of a map."""
     state = problem.system.declaration.state
     contacts = _contacts(problem)
 
@@ -306,8 +316,8 @@ def _axes(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Axis
     return axes
 
 
-class _Census:
-    """Sorts what motions have settled on.
+class _Classification:
+    """Classification of motions by their attractors.
 
     Attributes
     ----------
@@ -459,7 +469,7 @@ class _Census:
     def _attractor(
         self, kind: str, members: Array, family: bool = False, cycle: Cycle | None = None
     ) -> Attractor:
-        """What is said of some motions that have settled on the same."""
+        """The attractor of some motions that have settled on the same."""
         f = self.found
         first = members[0]
         moves = kind in ("cycle", "walking", "oscillation")
@@ -497,7 +507,7 @@ def _dataset(
     lacks: Array,
     interrupted: bool,
 ) -> xarray.Dataset:
-    """The map and the table of what was reached, the largest basin first."""
+    """The map and the table of attractors, the largest basin first."""
     import xarray as xr
 
     reached = [attractor for attractor, _ in found]

@@ -1,8 +1,8 @@
-"""Sweeps that carry the state: the attractors of a motion while a parameter is changed step by
-step, as in an experiment.
+"""Sweeps that carry the state: the attractors of a motion while a parameter changes in steps, as in
+an experiment.
 
-Frequency responses ask for the cycle; maps, which carry the state in the same way
-(:mod:`stickslip.sweeps.work.handed`), measure what motions settle on.
+Frequency responses use the cycle; maps, which carry the state in the same way
+(:mod:`stickslip.sweeps.work.carried_state`), use measures of the settled motions.
 """
 
 from __future__ import annotations
@@ -17,10 +17,15 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
-from stickslip.orbits.cycles.finding import repels
+from stickslip.orbits.cycles.finding import is_unstable
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.following import follow_freely
-from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, taken_up
+from stickslip.sweeps.work.carried_state import (
+    CarriedState,
+    carried_state,
+    period_of_drives,
+    resumed_state,
+)
 
 _NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there
 _THERE = 1e-9  # in units of the cycle: no distance
@@ -39,34 +44,35 @@ def carried(
     progress: Callable[[int], None] | None = None,
     known: Callable[[float], Iterable[Cycle]] | None = None,
 ) -> Iterator[tuple[Cycle | str, bool]]:
-    """The cycles that a motion settles on while a parameter takes one value after the other.
+    """The limit cycles of a motion for successive values of a parameter.
 
-    Each motion starts from the state of the last one, at the same phase of the drives. Where a
-    cycle is known at the new value, or the last one can be followed to it, it is enough that the
-    motion has come to a fifth of its first distance from it; elsewhere it is followed until it has
+    Each motion starts from the state of the previous one, at the same phase of the drives. If a
+    cycle is known at the new value, or the previous one can be continued to it, the motion is
+    followed until its distance from the cycle has decreased to a fifth; otherwise until it has
     settled.
 
     Parameters
     ----------
     values : sequence of float
-        In the order in which they are taken.
+        In the order of the sweep.
     parameters : mapping of str to float, optional
         Values of the others.
     initial : mapping of str to float, optional
         State of the first motion; by default the declared one.
     progress : callable, optional
-        Called with the number of each value before it is taken.
+        Called with the number of each value before its computation.
     known : callable, optional
-        Takes a value, and returns cycles that are known there; asked before each motion.
+        value ↦ cycles that are known there; called before each motion.
 
     Yields
     ------
     found : Cycle or str
-        Where there is no cycle, why; the next motion starts from where that one came to.
+        The cycle, or the reason why there is none; the next motion then starts from the final
+        state.
     followed : bool
-        Whether it is the one before, followed to the new value.
+        Whether it is the previous cycle, continued to the new value.
     """
-    handed: Handed | None = None
+    handed: CarriedState | None = None
     cycle: Cycle | None = None
     for i, value in enumerate(values):
         if progress is not None:
@@ -77,7 +83,7 @@ def carried(
             state, start = problem.initial_state(initial or {}), system.span[0]
             settle_friction(derive(system.declaration), own, state[None], start)
         else:
-            start, state = taken_up(system, handed, own)
+            start, state = resumed_state(system, handed, own)
         before, cycle = cycle, None
         there = [*known(float(value))] if known is not None else []
         there.sort(key=lambda seen: seen.closed.distance(state, start))
@@ -94,17 +100,17 @@ def carried(
                 cycle = find_cycle(system, motion)
             except ConvergenceError as failure:
                 last = motion.knots
-                handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
+                handed = carried_state(system, own, float(last.time[-1]), last.state[-1])
                 yield str(failure), False
                 continue
         place = cycle.closed.orbit.legs[0].place.state
         rate = cycle.closed.orbit.shift / cycle.period
-        handed = handed_on(system, own, cycle.time, place, rate)
+        handed = carried_state(system, own, cycle.time, place, rate)
         yield cycle, followed
 
 
 def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
-    """What a cycle becomes at other parameters, by way of others between if need be.
+    """A cycle continued to other parameters, with intermediate values if necessary.
 
     Raises
     ------
@@ -135,10 +141,10 @@ def _followed(
 
 
 def _approached(cycle: Cycle, time: float, state: Array) -> bool:
-    """Whether the motion from a state is seen to approach a cycle that does not repel."""
+    """Return whether the motion from a state approaches a cycle that is not unstable."""
     closed = cycle.closed
     # Where a contact rests that never slips is told by a motion, not by a neighbour.
-    if closed.shooting.setting.held or repels(closed):
+    if closed.shooting.setting.held or is_unstable(closed):
         return False
     first = closed.distance(state, time)
     last = first

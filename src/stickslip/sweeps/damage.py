@@ -1,10 +1,9 @@
 """Damaged or missing files in the store of a map.
 
-Every chunk says where it belongs and ends in a checksum of its own, and ``zarr.json`` has those of
-all descriptions (:mod:`stickslip.checksums`). Files are compared as they are: nothing is decoded
-before it is known to be sound. The place of a chunk, such as ``speed/c/0/1``, stands behind its
-values as a frame that decoders of Zstandard skip (RFC 8878, section 3.1.2), so that whoever reads
-Zarr reads it.
+Every chunk contains its place and ends in a checksum, and ``zarr.json`` contains the checksums of
+all descriptions (:mod:`stickslip.checksums`). Checksums are verified before a file is decoded. The
+place of a chunk, such as ``speed/c/0/1``, follows its values as a skippable Zstandard frame (RFC
+8878, section 3.1.2), so that any Zarr reader can read it.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ def files(chunks: Iterable[tuple[str, Chunk]]) -> str:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a store."""
+    """Return whether there is a store."""
     return (path / _DESCRIPTION).is_file()
 
 
@@ -72,17 +71,17 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
     Parameters
     ----------
     kind : str
-        Of which the result has to be.
+        Required kind of the result.
 
     Raises
     ------
     StickslipError
-        If it is no such store, or a description or an axis is damaged.
+        If it is not such a store, or a description or an axis is damaged.
 
     Warns
     -----
     UserWarning
-        If it has no checksums of its descriptions.
+        If the store has no checksums of its descriptions.
     """
     if not path.exists():
         raise StickslipError(f"{path}: no such store")
@@ -123,15 +122,15 @@ def faults(
     Parameters
     ----------
     names : sequence of str
-        Variables, of which the last, the outcomes, says which points are computed.
+        Variables; the last one, the outcomes, marks the computed points.
     array : mapping
         The description of one of them.
     empty : callable
-        Whether a chunk of outcomes, which is sound, has none.
+        Whether an intact chunk of outcomes has no computed points.
     """
     *others, last = names
     found = Faults([], [], [])
-    told = _tells_places(path)
+    told = _contains_places(path)
     for chunk in _chunks(array):
         states = {name: _sound(path, name, chunk, told) for name in names}
         if states[last] is None and any(states.values()):
@@ -154,7 +153,7 @@ def _sums(arrays: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _read(place: Path) -> Any:
-    """What a description says; None if it is none."""
+    """A parsed description; None if it is invalid."""
     try:
         return json.loads(place.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -167,8 +166,8 @@ def _chunks(array: Mapping[str, Any]) -> Iterator[Chunk]:
     return product(*(range(count) for count in counts))
 
 
-def _tells_places(path: Path) -> bool:
-    """Whether the chunks of a store say where they belong."""
+def _contains_places(path: Path) -> bool:
+    """Return whether the chunks of a store contain their places."""
     return _read(path / _DESCRIPTION)["attributes"].get(checksums.LAYOUT) == _LAYOUT
 
 
@@ -177,7 +176,7 @@ def _key(name: str, chunk: Chunk) -> str:
 
 
 def is_chunk(key: str) -> bool:
-    """Whether a file of a store is a chunk."""
+    """Return whether a file of a store is a chunk."""
     return "/c/" in key
 
 
@@ -202,8 +201,8 @@ def _frame(key: str) -> bytes:
 
 
 def _sound(path: Path, name: str, chunk: Chunk, told: bool) -> bool | None:
-    """Whether a chunk has the right checksum and, where chunks say that, is in its place; None if
-    it is not there."""
+    """Return whether a chunk has the right checksum and, if chunks contain their places, is in its
+    place; None if it is missing."""
     import google_crc32c
 
     key = _key(name, chunk)

@@ -39,12 +39,12 @@ class MapFiles(LocalStore):
         return other
 
     async def get(self, key: str, *args: Any, **options: Any) -> Any:
-        """The content of a file; None if there is none.
+        """The content of a file; None if it does not exist.
 
         Raises
         ------
         StickslipError
-            If it was there, or the whole map was.
+            If the file, or the complete map, was deleted.
         """
         found = await super().get(key, *args, **options)
         if found is None and damage.is_chunk(key):
@@ -59,7 +59,7 @@ class MapFiles(LocalStore):
         await super().set(key, _told(key, value))
 
     def set_sync(self, key: str, value: Buffer) -> None:
-        """Write a file at once."""
+        """Write a file synchronously."""
         super().set_sync(key, _told(key, value))
 
 

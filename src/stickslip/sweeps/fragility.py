@@ -226,7 +226,7 @@ def _scale_axis(found: Map, records: str, over: str | None) -> str:
 
 
 def _shares(beyond: Array, total: Array) -> tuple[Array, Array, Array, Array]:
-    """Shares with their intervals (Wilson 1927), and of how many; nothing where there are none."""
+    """Fractions with their intervals (Wilson 1927), and sample sizes; NaN for empty samples."""
     n = np.where(total > 0, total, np.nan).astype(float)
     p = beyond / n
     width = 1.0 + _LEVEL**2 / n
@@ -239,15 +239,15 @@ def _shares(beyond: Array, total: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def lognormal_fit(x: Array, beyond: Array, total: Array) -> tuple[float, float]:
-    """Median and dispersion of the lognormal distribution that makes counts most likely; not
-    numbers where no such distribution does.
+    """Maximum-likelihood median and dispersion of a lognormal distribution; NaN if no maximum
+    exists.
 
     Parameters
     ----------
     x : array, shape (levels,)
-        Scales; those that are not positive are left out.
+        Scales; those that are not positive are omitted.
     beyond, total : arrays of int, shape (levels,)
-        How many exceed the limit, and of how many.
+        Number of records that exceed the limit, and of all records.
     """
     from scipy.optimize import minimize
     from scipy.special import log_ndtr

@@ -64,15 +64,15 @@ class Level:
     fixed: dict[str, float]
 
     @cached_property
-    def told_by(self) -> str:
-        """What tells cycles apart: a place, since an output may be the same for all."""
+    def distinguished_by(self) -> str:
+        """Coordinate that distinguishes cycles, since an output may be equal for all."""
         first = first_coordinate(self.system)
         places = [x for x in (self.coordinate, first) if x in self.system.places]
         return [*places, self.coordinate][0]
 
     @cached_property
     def clock(self) -> Clock:
-        """What the drives repeat after."""
+        """Clock of the drives."""
         values = {**self.fixed, self.parameter: self.span[1]}
         return clock(self.system, derive(self.system.declaration), values)
 
@@ -115,7 +115,7 @@ class Level:
         self.phase_of_drive(self.span[1])
 
     def phase_of_drive(self, value: float) -> float:
-        """Phase of the first harmonic of the drive; the state stands still at 0.
+        """Phase of the first harmonic of the drive, evaluated at the state 0.
 
         Raises
         ------
@@ -160,14 +160,14 @@ class Level:
         }
 
     def measured(self, cycle: Cycle | str) -> dict[str, float]:
-        """What is said of a motion of a sweep; not a number where there is none."""
+        """Values of a motion of a sweep; NaN if there is none."""
         names = ("amplitude", "harmonic", "phase", "stick", "period", "dissipated")
         if isinstance(cycle, str):
             return dict.fromkeys(names, np.nan)
         h = cycle.harmonic[self.coordinate]
         value = np.array([cycle.parameters[self.parameter]])
         numbers = (
-            0.5 * float(np.ptp(cycle._visible_extrema[self.coordinate])),
+            0.5 * float(np.ptp(cycle.visible_extrema[self.coordinate])),
             abs(h),
             float(self.lags(np.angle([h]), value)[0]),
             cycle.stick_time / cycle.period,
@@ -180,7 +180,7 @@ class Level:
 @dataclass
 class Lines:
     """Result at one level: sweeps up and down in the order of the parameter, and the lines through
-    what they met."""
+    their cycles."""
 
     wanted: Level
     grid: Array
@@ -208,7 +208,7 @@ def response_of(
     backbone: list[Cycle],
     ended: BaseException | None,
 ) -> FrequencyResponse:
-    """Everything that was found as one result.
+    """The result of all levels.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def response_of(
     backbone : list of Cycle
         The largest responses at the levels and between them.
     ended : KeyboardInterrupt, TimeUp or None
-        What has ended it before everything was found.
+        Cause of an early end.
     """
     wanted = found[0].wanted
     x = wanted.coordinate
@@ -252,7 +252,8 @@ def response_of(
 
 
 def _certificate(found: list[Lines]) -> Certificate:
-    """Of all cycles, how well harmonics are known, and whether what sweeps met is on the lines."""
+    """Certificate of all cycles, with the accuracy of the harmonics, and whether the cycles of the
+    sweeps are on the lines."""
     cycles = [c for one in found for sweep in one.swept for c in sweep if isinstance(c, Cycle)]
     branches = [branch for one in found for branch in one.branches]
     if not branches:
@@ -324,7 +325,7 @@ def _dataset(
 
 
 def _largest(wanted: Level, cycle: Cycle | None) -> dict[str, float]:
-    """What is said of a largest response, with its parameters."""
+    """Values of a largest response, with its parameters."""
     measured = wanted.measured("" if cycle is None else cycle)
     there = {wanted.parameter: np.nan} if cycle is None else cycle.parameters
     return {**measured, **there}

@@ -2,10 +2,10 @@
 parameter.
 
 A line is a branch of cycles, stable or not, with its folds
-(:func:`~stickslip.orbits.branches.cycle_branch.continue_cycle`). Where lines begin is what sweeps
-tell that carry the state up and down: whatever these have settled on that is on no line yet begins
-another one, and from then on they look for their cycles on it first. So where the damper never
-slips is a part of a line, and a line that is apart from the others is found if a sweep meets it.
+(:func:`~stickslip.orbits.branches.cycle_branch.continue_cycle`). Lines start at limit cycles of
+sweeps that carry the state up and down: a limit cycle that is on no line yet starts another one, on
+which the sweeps then look for their cycles first. So the range in which a damper never slips is a
+part of a line, and an isolated line is found if a sweep reaches it.
 
 With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
 the coordinate lags behind.
@@ -119,29 +119,8 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    levels_given = [{level: value} for value in values] or [{}]
-
-    def at_first(name: str, text: str, formula: Expr) -> Level:
-        return Level(
-            system, parameter, (low, high), name, text, formula, {**fixed, **levels_given[0]}
-        )
-
-    def answers(name: str) -> None:
-        """Reject a quantity that does not repeat, or has no phase."""
-        _check_periodic(system, name)
-        at_first(name, *read_drive(system, name, drive)).check_phase()
-
-    at_first("", "", ex.ZERO).check_frequency()
-    with listing(answers):
-        with_output, followed = _followed(system, of)
-    text, formula = read_drive(with_output, followed, drive)
-    wanted = [
-        Level(with_output, parameter, (low, high), followed, text, formula, {**fixed, **one})
-        for one in levels_given
-    ]
-    for one in wanted:
-        one.check_frequency()
-        one.check_phase()
+    at_levels = [{**fixed, level: value} for value in values] or [fixed]
+    wanted = _posed(system, parameter, (low, high), at_levels, of, drive)
     found = list[Lines]()
     ended: BaseException | None = None
     what = f"a response of {system.name}"
@@ -159,14 +138,58 @@ def frequency_response(
     return response_of(system, fixed, level, found, backbone, ended)
 
 
-def _followed(system: System, of: str | None) -> tuple[System, str]:
-    """The name whose response it is, and the system with a formula as an output of that name.
+def _posed(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    at_levels: list[dict[str, float]],
+    of: str | None,
+    drive: str | None,
+) -> list[Level]:
+    """The checked problem of each level.
+
+    Parameters
+    ----------
+    at_levels : list of dict
+        Values of the fixed parameters at each level.
 
     Raises
     ------
     DeclarationError
-        If it is neither a name nor a formula of what results show, or does not repeat with the
-        motion.
+        If the quantity is not periodic or has no phase, or the period of the drives does not depend
+        on the parameter.
+    """
+
+    def at_first(name: str, text: str, formula: Expr) -> Level:
+        return Level(system, parameter, span, name, text, formula, at_levels[0])
+
+    def check_quantity(name: str) -> None:
+        """Reject a quantity that is not periodic, or has no phase."""
+        _check_periodic(system, name)
+        at_first(name, *read_drive(system, name, drive)).check_phase()
+
+    # The frequency is checked first: without it no quantity has a phase.
+    at_first("", "", ex.ZERO).check_frequency()
+    with listing(check_quantity):
+        with_output, followed = _followed(system, of)
+    text, formula = read_drive(with_output, followed, drive)
+    wanted = [
+        Level(with_output, parameter, span, followed, text, formula, values) for values in at_levels
+    ]
+    for one in wanted:
+        one.check_frequency()
+        one.check_phase()
+    return wanted
+
+
+def _followed(system: System, of: str | None) -> tuple[System, str]:
+    """Name of the quantity of the response, and the system, with a formula added as an output of
+    that name.
+
+    Raises
+    ------
+    DeclarationError
+        If it is neither a name nor a formula of quantities of results, or is not periodic.
     """
     of = first_coordinate(system) if of is None else of
     if of in system.followed:
@@ -181,7 +204,7 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
 
 
 def _check_periodic(system: System, of: str) -> None:
-    """Reject a formula that does not repeat with the motion."""
+    """Reject a formula that is not periodic."""
     if of in system.followed:
         return
     formula = read_formula(system, of, "of")
@@ -194,7 +217,7 @@ def _check_periodic(system: System, of: str) -> None:
 
 
 def _grows(e: Expr) -> bool:
-    """Whether time appears in a formula outside of all functions."""
+    """Return whether time appears in a formula outside of all functions."""
     if e.op == "sym":
         return e == ex.sym("t")
     if e.op in FUNCTIONS:
@@ -222,7 +245,7 @@ def _levels(
 
 
 def _part(show: Show, index: int, count: int) -> Callable[[float, str], None]:
-    """Shows how much of a level is done."""
+    """Progress callback for one level."""
     return lambda fraction, text: show((index + fraction) / count, text)
 
 
@@ -232,17 +255,17 @@ def _follow(
     steps: StepControl | None,
     show: Callable[[float, str], None],
 ) -> None:
-    """Sweep up and down at a level, and follow the lines that the sweeps meet.
+    """Sweep up and down at a level, and follow the lines through the limit cycles.
 
     Parameters
     ----------
     lines : Lines
-        Receives what is found.
+        Receives the results.
     initial : mapping, optional
         Start of the sweeps.
     steps : StepControl, optional
     show : function
-        Takes how much is done, and what.
+        Called with the completed fraction and a text.
     """
     wanted = lines.wanted
     on_lines = _OnLines(lines)
@@ -280,7 +303,7 @@ def _follow(
     cycles = list[Cycle]()
     for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
-        x = wanted.told_by
+        x = wanted.distinguished_by
         cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     for cycle in cycles:
@@ -289,7 +312,7 @@ def _follow(
 
 
 class _OnLines:
-    """Cycles of lines at values of the parameter, and on which line the cycles of sweeps are."""
+    """Cycles of lines at values of the parameter, and the line of each cycle of a sweep."""
 
     def __init__(self, lines: Lines) -> None:
         self.lines = lines
@@ -297,17 +320,17 @@ class _OnLines:
         self._known: dict[tuple[Branch, float], list[Cycle]] = {}
 
     def at(self, value: float) -> list[Cycle]:
-        """Where the lines so far pass a value."""
+        """Cycles of the present lines at a value of the parameter."""
         return [c for branch in self.lines.branches for c in self._of(branch, value)]
 
     def place(self, cycle: Cycle, beside: list[Cycle | str], steps: StepControl | None) -> None:
-        """Note on which line a certified cycle of a sweep is; if it is on none, follow that through
+        """Assign a certified cycle of a sweep to its line; if it is on none, follow a line through
         it.
 
         Parameters
         ----------
         beside : list of Cycle
-            Which were followed to it, or to which it was.
+            Cycles that were continued to it, or to which it was continued.
         """
         if cycle in self.line_of or not cycle.certificate.ok:
             return
@@ -326,7 +349,7 @@ class _OnLines:
         self.line_of[cycle] = line
 
     def _of(self, branch: Branch, value: float) -> list[Cycle]:
-        """Where a line passes a value."""
+        """Cycles of a line at a value of the parameter."""
         if (branch, value) not in self._known:
             cycles = _passed(self.lines.wanted, branch, value)
             self._known[branch, value] = cycles
@@ -334,21 +357,21 @@ class _OnLines:
         return self._known[branch, value]
 
     def _passes(self, branch: Branch, cycle: Cycle) -> bool:
-        """Whether a line passes a cycle: it has this one at its value."""
+        """Return whether a line contains a cycle."""
         wanted = self.lines.wanted
         there = self._of(branch, cycle.parameters[wanted.parameter])
-        return any(_alike(cycle, c, wanted.told_by) for c in there)
+        return any(_alike(cycle, c, wanted.distinguished_by) for c in there)
 
 
 def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
-    """The cycles of a line at a value of the parameter: its points there, and what those become
-    that are next to it."""
+    """The cycles of a line at a value of the parameter: its points there, and neighbouring points
+    continued to the value."""
     found = list[Cycle]()
     where = branch.points[wanted.parameter].values
-    found += [branch._cycles[j] for j in np.flatnonzero(where == value).tolist()]
+    found += [branch.cycles[j] for j in np.flatnonzero(where == value).tolist()]
     for i in np.flatnonzero((where[:-1] - value) * (where[1:] - value) < 0.0).tolist():
         nearer = sorted((i, i + 1), key=lambda j: abs(where[j] - value))
-        for cycle in (branch._cycles[j] for j in nearer):
+        for cycle in (branch.cycles[j] for j in nearer):
             with suppress(ConvergenceError):
                 there = find_cycle(branch.system, cycle, parameters={wanted.parameter: value})
                 if any(i in pair for pair in _spans(wanted, branch, there)):
@@ -358,12 +381,12 @@ def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
 
 
 def _spans(wanted: Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]:
-    """Pairs of neighbouring points of a branch that enclose a cycle, as far as amplitude and first
-    harmonic tell, the nearer one first."""
-    numbers = _along(branch, wanted.told_by)
+    """Pairs of neighbouring points of a branch that enclose a cycle, judged by amplitude and first
+    harmonic, the nearer one first."""
+    numbers = _along(branch, wanted.distinguished_by)
     where = branch.points[wanted.parameter].values
     at = cycle.parameters[wanted.parameter]
-    own = _numbers(cycle, wanted.told_by)
+    own = _numbers(cycle, wanted.distinguished_by)
     small = _SAME * float(np.max(np.abs(numbers)))
     found = []
     for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0).tolist():
@@ -391,22 +414,21 @@ def _numbers(cycle: Cycle, x: str) -> Array:
 
 
 def _alike(one: Cycle, other: Cycle, x: str) -> bool:
-    """Whether two cycles at one frequency are the same, as far as amplitude and first harmonic
-    tell."""
+    """Return whether two cycles at one frequency agree in amplitude and first harmonic."""
     a, b = _numbers(one, x), _numbers(other, x)
     return bool(np.max(np.abs(a - b)) <= _SAME * np.max(np.abs(a)))
 
 
 def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
-    """The largest response: between the neighbours of the largest point if the parameter tells the
-    cycles there apart, else (at a fold, at an end) that point."""
+    """The largest response: between the neighbours of the largest point if the parameter is
+    monotone there, otherwise (at a fold or an end) that point."""
     if not branches:
         return None
     amplitude = f"amplitude_{wanted.coordinate}"
     branch = max(branches, key=lambda b: float(b.points[amplitude].max()))
     where = branch.points[wanted.parameter].values
     top = int(np.argmax(branch.points[amplitude].values))
-    best = branch._cycles[top]
+    best = branch.cycles[top]
     low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
     if low < where[top] < high:
         with suppress(ConvergenceError):
@@ -415,13 +437,13 @@ def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
 
 
 def _climb(wanted: Level, cycle: Cycle, low: float, high: float) -> Cycle:
-    """The largest response, from a cycle on, with two values of the parameter on both sides of it.
-    It may be beyond these: each time that is seen, one looks twice as far.
+    """The largest response, from a cycle and two values of the parameter on both sides of it. If
+    the maximum is beyond these, the step is doubled.
 
     Raises
     ------
     ConvergenceError
-        If it is not within the range, or cannot be reached.
+        If it is not within the range, or the cycle cannot be continued to it.
     """
     from scipy.optimize import minimize_scalar
 

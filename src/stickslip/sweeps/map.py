@@ -102,7 +102,7 @@ class Map(Result):
 
     @cached_property
     def _codes(self) -> Array:
-        """Outcomes of all points; a negative one where there is none."""
+        """Outcomes of all points; negative if not computed."""
         return self.dataset["outcome"].values.ravel()
 
     @property
@@ -191,7 +191,7 @@ class Map(Result):
         return [*rows, *self._outside(), *self._missing()]
 
     def _outside(self) -> list[tuple[str, str]]:
-        """What can be done about points that start outside the stable set."""
+        """Remedy for points that start outside the stable set."""
         outside = self._codes == Outcome.OUTSIDE.code
         if not np.any(outside):
             return []
@@ -209,7 +209,8 @@ class Map(Result):
         return [("starts", reason), ("", remedy)]
 
     def _missing(self) -> list[tuple[str, str]]:
-        """How often a formula or a function of the user's has no value, and why."""
+        """Number of points without a value of a formula or user-defined function, with the
+        reasons."""
         rows = []
         for name in map(str, self.dataset.data_vars):
             if not name.endswith("_missing"):

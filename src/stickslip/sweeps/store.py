@@ -1,9 +1,8 @@
 """A map on disk: a Zarr 3 group that xarray can read, written chunk by chunk.
 
-The store is its own record of what is done. Every chunk of every variable is one file with a
-checksum, replaced whole or not at all, and the outcomes of a chunk are written after all its other
-variables: a point that has an outcome has everything else. So whoever opens the store, after
-whatever happened, knows which points are left to compute.
+The store records its own progress. Every chunk of every variable is one file with a checksum, which
+is replaced atomically, and the outcomes of a chunk are written after all its other variables: a
+point with an outcome has all other values. So the missing points are known after any interruption.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class MapStore:
     path : Path or None
         None: in memory.
     outcome : array of int8
-        Codes of all points, a negative one where nothing is computed.
+        Codes of all points, negative if not computed.
     """
 
     def __init__(self, group: zarr.Group, plan: Plan, grid: Grid, path: Path | None) -> None:
@@ -86,7 +85,7 @@ class MapStore:
             self.outcome[self.outcome == Outcome.TIME_UP.code] = NOT_COMPUTED
 
     def read(self, name: str, chunk: Chunk) -> Array:
-        """One chunk of a variable.
+        """Read one chunk of a variable.
 
         Raises
         ------
@@ -133,12 +132,12 @@ class MapStore:
         return np.flatnonzero(todo if wanted is None else todo & wanted[region])
 
     def write(self, chunk: Chunk, inside: Array, values: Mapping[str, Array]) -> None:
-        """Keep what was computed at some points of a chunk.
+        """Write the values at some points of a chunk.
 
         Raises
         ------
         StickslipError
-            If it cannot be written; what was written before stays intact.
+            If it cannot be written; earlier values stay intact.
         """
         region = self.grid.region(chunk)
         for name in self.names:
@@ -220,7 +219,7 @@ def _plain(data: xarray.Dataset) -> xarray.Dataset:
 
 
 def _damaged(path: Path | None, chunks: list[tuple[str, Chunk]], why: str = "") -> StickslipError:
-    """What to say about damaged chunks."""
+    """Message about damaged chunks."""
     reason = f" ({' '.join(why.split())})" if why else ""
     return StickslipError(
         f"{path}: damaged: {damage.files(chunks)}{reason}. The rest is intact; use --repair to "
@@ -286,7 +285,7 @@ def _array(group: zarr.Group, name: str) -> zarr.Array:
 
 
 def create(plan: Plan, path: Path | None) -> MapStore:
-    """A new store without points, in memory or at a path where nothing is."""
+    """Create a store without points, in memory or at an unused path."""
     import zarr
     from zarr.storage import MemoryStore
 
@@ -413,7 +412,7 @@ def _existing(plan: Plan, path: Path) -> MapStore:
 
 
 def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
-    """What a store whose description was checked says that it holds, and its axes.
+    """Stored parts and axes of a store whose description was checked.
 
     Raises
     ------
@@ -491,9 +490,9 @@ def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
 
 
 def _replaced(plan: Plan, path: Path, old: MapStore | None) -> MapStore:
-    """A new store in the place of the one at the path, with the points of the old one.
+    """Replace the store at a path by a new one with the points of the old one.
 
-    It is made beside the path and takes its place when it is complete.
+    It is written to a temporary path, and renamed when it is complete.
     """
     place = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
     before = _before(path)
@@ -515,7 +514,7 @@ def _before(path: Path) -> Path:
 
 
 def _finish_replacement(path: Path) -> None:
-    """Put back what a replacement that was killed between its two renamings has left."""
+    """Complete a replacement that was killed between its two renamings."""
     before = _before(path)
     if before.is_dir():
         shutil.rmtree(before) if path.exists() else os.rename(before, path)
@@ -542,10 +541,10 @@ def _copy(old: MapStore, new: MapStore) -> None:
 
 @contextlib.contextmanager
 def _lock(path: Path) -> Iterator[None]:
-    """Keep other processes from writing a store; ends with the process, however that ends.
+    """Lock a store against writing by other processes; the lock ends with the process.
 
-    The lock stands beside the store, since the store itself may be replaced by another one, and
-    goes when it is done.
+    The lock is a file next to the store, since the store itself may be replaced, and is deleted at
+    the end.
     """
     from filelock import FileLock, Timeout
 

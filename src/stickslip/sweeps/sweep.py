@@ -28,7 +28,7 @@ from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.carry import read_carry
-from stickslip.sweeps.request.measures import known_for_a_time
+from stickslip.sweeps.request.measures import ends_with_samples
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.records import Driven, Under, read_records
 from stickslip.sweeps.request.user_measures import read_measures
@@ -48,11 +48,11 @@ class Progress:
     Attributes
     ----------
     done, total : int
-        Points that are computed, and of the whole grid.
+        Number of computed points, and of all points.
     new : int
         Points computed by this run.
     elapsed : float
-        Seconds since it began.
+        Seconds since the start of the run.
     outcomes : dict of int to int
         Number of points by the code of their outcome.
     """
@@ -81,9 +81,9 @@ class Batch:
     pieces : list of (chunk, array of int)
         Chunks, and positions of the points in them.
     columns : dict of str to array
-        Values of what varies at all of them.
+        Values of the axes at all points.
     runs : Runs, optional
-        In which order, if they carry the state.
+        Order of the points, if they carry the state.
     under : Under, optional
         The record that drives all of them.
     """
@@ -221,7 +221,7 @@ def make_plan(
     carry: str | None = None,
     span: tuple[float, float] | None = None,
 ) -> Plan:
-    """Everything that is asked for, checked.
+    """Check a request, and create its plan.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def make_plan(
     Raises
     ------
     DeclarationError
-        If anything is wrong.
+        If an argument is wrong.
     """
     from stickslip.orbits.settling.motions import Settings
 
@@ -249,7 +249,7 @@ def make_plan(
         raise DeclarationError(
             "carry", "the state cannot be carried from one record to the next", "Remove it"
         )
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
             raise DeclarationError(
@@ -270,7 +270,7 @@ def checked_start(
     Parameters
     ----------
     varied : sequence of str
-        Names of what varies along axes.
+        Names that vary along axes.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def checked_start(
 
 
 def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
-    """Reject what a line that carries the state cannot do."""
+    """Reject options that are incompatible with carrying the state."""
     if plan.carry is None:
         return
     if adaptive is not None:
@@ -308,7 +308,7 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
 
 
 def _pool(scheduler: str, workers: int | None, device: str, time_limit: float | None) -> Pool:
-    """Who does the work, checked."""
+    """Check the scheduler and device, and create the pool."""
     if device == "gpu":
         if time_limit is not None:
             reason = "a GPU computes all motions of a chunk in parallel"
@@ -333,38 +333,38 @@ def compute_missing(
     device: str = "cpu",
     time_limit: float | None = None,
 ) -> bool:
-    """Compute what is missing; True if it came to its end.
+    """Compute the missing points; return False if interrupted.
 
     Parameters
     ----------
     store : MapStore
-        Filled.
+        Receives the results.
     pool : Pool
-        Who computes.
+        Workers.
     adaptive : Adaptive or None
-        Which points are computed; by default all.
+        Selection of points; by default all.
     progress : callable, optional
-        Is told of :class:`Progress`.
+        Called with :class:`Progress`.
     device : str
         ``"cpu"`` or ``"gpu"``.
     time_limit : float, optional
-        Seconds that each point may take.
+        Time limit of each point in seconds.
     """
     work = work_of(store.plan, device, time_limit)
     if pool.scheduler == "processes":
         check_sendable(work)
-    tell = _Teller(store, progress)
+    tell = _Reporter(store, progress)
     wanted: Iterator[Array | None] = iter([None]) if adaptive is None else rounds(store, adaptive)
     with pool, listening(pool.flag) as stop:
         for points in wanted:
             _fill(store, work, points, pool, stop, tell)
-            if stop.wished:
+            if stop.requested:
                 return False
     return True
 
 
 def _fill(
-    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Teller
+    store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Reporter
 ) -> None:
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
@@ -418,7 +418,8 @@ def _of_records(store: MapStore, points: Array | None, driven: Driven) -> Iterat
 
 
 def _of_lines(lines: LinesToDo) -> Iterator[Batch | None]:
-    """Chunks of lines, each once what it needs is there; None: there is none at the moment."""
+    """Chunks of lines, each when the results it depends on are available; None: none is available
+    at the moment."""
     grid = lines.grid
     for found in lines:
         if found is None:
@@ -434,7 +435,7 @@ def _work(work: Work, task: Batch) -> dict[str, Array]:
     return compute(work, task.columns, task.runs)
 
 
-class _Teller:
+class _Reporter:
     """Counts completed points, for progress reports."""
 
     def __init__(self, store: MapStore, listener: Callable[[Progress], None] | None) -> None:

@@ -1,1 +1,1 @@
-"""What the figures of [M] share."""
+"""Common parts of the figures of [M]."""

@@ -1,4 +1,4 @@
-"""What a figure of the paper is: its number, what it shows, and the function that draws it."""
+"""A figure of the paper: its number, caption, and plot function."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class FigureEntry:
     key : str
         Its number in [M], such as ``"4.4"``, or a word if [M] does not have it.
     caption : str
-        Plain text: what is shown, with equation numbers and the values of the parameters.
+        Plain text, with equation numbers and the values of the parameters.
     draw : callable
-        Makes the figure.
+        Creates the figure.
     """
 
     key: str

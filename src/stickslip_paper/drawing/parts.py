@@ -1,4 +1,4 @@
-"""What all scenes share: parts that move, and colours of stick, slip and open contacts."""
+"""Common parts of all scenes: moving parts, and colours of stick, slip and open contacts."""
 
 from __future__ import annotations
 

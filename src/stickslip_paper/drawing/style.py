@@ -1,5 +1,4 @@
-"""What the figures of the paper share beyond the style of all pictures: arrows, marks and shaded
-phases."""
+"""Common elements of the figures of the paper: arrows, marks and shaded phases."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""How fast friction that oscillates tends to its average: [M] section 2.2 and Theorem 2.2,
-measured."""
+"""Convergence of oscillating friction to its average: [M] section 2.2 and Theorem 2.2, measured."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw() -> Figure:
-    """Distance of z_ε from z_0, and what happens to the rates, over ε."""
+    """Plot the distance of z_ε from z_0, and the convergence of the rates, over ε."""
     friction = ss.WeightedL1(["1 + cos(2*pi*s)/2"])
     problem = ss.Evolution([[1.0]], ["5*t - t**2"], friction, [0.0], span=(0, 5))
     study = ss.averaging_study(problem, [0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002]).dataset

@@ -18,8 +18,8 @@ _CYCLES, _HOPF = ss.style.LINES[2], ss.style.LINES[4]
 
 
 def draw() -> Figure:
-    """Steady sliding with its Hopf point, and the extent of U of what the slider does as V goes up
-    and down."""
+    """Plot steady sliding with its Hopf point, and the range of U of the motion for increasing and
+    decreasing V."""
     slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05)
     steady = ss.continue_equilibrium(slider, "V", (0.02, 0.4))
     hopf = steady.of_kind("Hopf")[0]

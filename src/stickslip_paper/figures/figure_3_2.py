@@ -14,7 +14,7 @@ B = 0.7
 
 
 def draw() -> Figure:
-    """The maps at lowest order as lines, and as dots what (3.6) does for two values of ν."""
+    """Plot the maps at lowest order as lines, and those of (3.6) for two values of ν as dots."""
     maps = lowest_order(B)  # for μ₀v̂ = 1
     inner = np.linspace(0.0, 0.999, 201)
     outer = np.linspace(1.001, maps.slip(0.0).end, 201)

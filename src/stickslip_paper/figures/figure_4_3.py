@@ -42,7 +42,7 @@ def draw() -> Figure:
 
 
 def _name_the_ticks(axes: Axes, operator: ss.HysteresisOperator, psi_star: float) -> None:
-    """Where the branches bend: ±ψ_2, ±ψ* and ±ψ_3 on one axis, ±X on the other."""
+    """Label the corners of the branches: ±ψ_2, ±ψ* and ±ψ_3 on one axis, ±X on the other."""
     X, psi_3 = operator.X, operator.psi_3
     angles = ((operator.psi_2, r"\psi_2"), (psi_star, r"\psi_*"), (psi_3, r"\psi_3"))
     ticks(

@@ -11,7 +11,8 @@ from stickslip_paper.drawing.entry import FigureEntry
 
 
 def draw() -> Figure:
-    """Where the toy walks, and how fast; below it comes to rest, above it slides."""
+    """Plot the speed of the toy over the pull; below the interval it comes to rest, above it
+    slides."""
     toy = ss.catalogue.rocking_toy()
     smallest = smallest_pull(toy, 0.5, 0.8)
     sliding = toy.values["rho"] + toy.values["H_star"] / 2
@@ -49,7 +50,7 @@ def smallest_pull(toy: ss.System, low: float, high: float) -> float:
 
 
 def _name_the_parts(axes: Axes, smallest: float, sliding: float) -> None:
-    """What the toy does for which pull."""
+    """Label the intervals of the pull by the behaviour of the toy."""
     axes.annotate(
         f"smallest pull\nthat walks:\n$P$ = {smallest:.4f} N",
         (smallest, 0.037),

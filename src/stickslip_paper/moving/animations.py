@@ -1,4 +1,4 @@
-"""Motions to watch: toys that walk and peck, the plate compactor, the simplest walker.
+"""Animations: the walking toy, the woodpecker toy, the plate compactor, the simplest walker.
 
 Only the moving parts of a scene are drawn anew in each frame. Films are written as GIF, and as MP4
 where ffmpeg is installed, else as a page that plays the frames.
@@ -39,7 +39,7 @@ class AnimationEntry:
     Attributes
     ----------
     caption : str
-        Plain text: what is shown, with equation numbers and the values of the parameters.
+        Plain text, with equation numbers and the values of the parameters.
     make : callable
         Writes the files into a folder and returns their paths, the GIF first.
     """
@@ -91,8 +91,7 @@ def film(scene: Scene, path: Path) -> list[Path]:
 
 
 def frames(scene: Scene) -> list[Image.Image]:
-    """All frames in one palette, so that what does not change is stored once; it is also drawn only
-    once."""
+    """All frames in one palette, so that the static background is stored and drawn only once."""
     canvas = FigureCanvasAgg(scene.figure)
     for artist in scene.moving:
         artist.set_animated(True)
@@ -163,7 +162,7 @@ def write_video(images: Sequence[Image.Image], path: Path, ffmpeg: str) -> Path:
 
 
 def write_page(images: Sequence[Image.Image], path: Path) -> Path:
-    """A page with all frames inside, a button and a slider; it asks for nothing from outside."""
+    """Write a self-contained page with all frames, a button and a slider."""
     stored = []
     for image in images:
         buffer = io.BytesIO()

@@ -1,5 +1,4 @@
-"""Drawings with moving parts of what opens and strikes: the woodpecker, the ramp walker and the
-simplest walker."""
+"""Drawings of systems with impacts: the woodpecker, the ramp walker and the simplest walker."""
 
 from __future__ import annotations
 
@@ -398,14 +397,14 @@ class _OnTheSlope:
     def __init__(
         self, axes: Axes, now: dict[str, Array], feet: Array, steps: Array, struck: Array
     ) -> None:
-        """Legs that stand on `feet`, one after the other.
+        """Legs on successive `feet`.
 
         Parameters
         ----------
         now : dict of str to ndarray
             The motion in every frame.
         feet : ndarray, shape (n,)
-            Where the stance leg stands, step by step.
+            Position of the stance foot in each step.
         steps, struck : ndarray, shape (frames,)
             Number of the step, and whether a heel has just struck.
         """

@@ -1,5 +1,5 @@
-"""Drawings with moving parts: the walking toy and the plate compactor, with stick and slip told
-apart by colour."""
+"""Drawings with moving parts: the walking toy and the plate compactor, with colours for stick and
+slip."""
 
 from __future__ import annotations
 
@@ -205,8 +205,8 @@ def compactor_scene(frames: int = 140) -> Scene:
 
 
 class _Machine:
-    """The plate compactor from the side; what moves sideways is drawn 2.5 mm per unit of the
-    drawing."""
+    """The plate compactor from the side; horizontal displacements are drawn at 2.5 mm per unit of
+    the drawing."""
 
     def __init__(self, axes: Axes, now: dict[str, Array], phase: Array) -> None:
         canvas(axes, (-0.4, 7.4), (-0.5, 2.2))

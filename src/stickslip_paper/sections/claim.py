@@ -1,5 +1,4 @@
-"""What a claim of the paper is: a statement with its place, a check, and the verdict that is
-expected."""
+"""A claim of the paper: a statement with its place, a check, and the expected verdict."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ import numpy as np
 
 
 class Verdict(Enum):
-    """What a check can find."""
+    """Possible results of a check."""
 
     HOLDS = "holds"
     CORRECTED = "holds as corrected"
@@ -23,12 +22,12 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a check has found.
+    """Result of a check.
 
     Attributes
     ----------
     measured : str
-        The measured number and what it is compared with.
+        The measured number and the reference value.
     numbers : mapping of str to float
         The same as data.
     """
@@ -48,17 +47,17 @@ class Claim:
     Attributes
     ----------
     place : str
-        Where it stands: ``"(3.6)"``, ``"theorem 3.1"``, ``"section 4.3"``.
+        Place in the paper: ``"(3.6)"``, ``"theorem 3.1"``, ``"section 4.3"``.
     name : str
-        A short name of its own.
+        A short unique name.
     statement, formula : str
-        In words, and as the paper writes it.
+        In words, and as in the paper.
     how : str
-        How it is checked.
+        Description of the check.
     check : callable
         The check; returns a Finding.
     correction, derivation : str
-        What is right where the printed form is not, and why.
+        Correction of the published form, if it is wrong, and its derivation.
     """
 
     place: str
@@ -114,7 +113,7 @@ def minimum(*values: float) -> float:
 
 
 def vanishes(error: float, tolerance: float, what: str = "largest difference") -> Finding:
-    """Whether an error is within its tolerance."""
+    """Return whether an error is within its tolerance."""
     verdict = Verdict.HOLDS if abs(error) <= tolerance else Verdict.FAILS
     return Finding(
         verdict, f"{what} {abs(error):.1e} (tolerance {tolerance:.0e})", {"error": float(error)}
@@ -122,14 +121,14 @@ def vanishes(error: float, tolerance: float, what: str = "largest difference") -
 
 
 def equals(value: float, expected: float, tolerance: float, what: str) -> Finding:
-    """Whether a number is the expected one."""
+    """Return whether a number is the expected one."""
     verdict = Verdict.HOLDS if abs(value - expected) <= tolerance else Verdict.FAILS
     text = f"{what} {value:.10g}, expected {expected:.10g} ± {tolerance:.0e}"
     return Finding(verdict, text, {"value": float(value), "expected": float(expected)})
 
 
 def shows(condition: bool, measured: str, **numbers: float) -> Finding:
-    """Whether a qualitative statement is seen in the numbers."""
+    """Return whether the numbers show a qualitative statement."""
     return Finding(
         Verdict.HOLDS if condition else Verdict.FAILS,
         measured,
@@ -164,7 +163,7 @@ def fitted_power(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 def scales(
     x: list[float], y: list[float], exponent: float, within: float, what: str, symbol: str
 ) -> Finding:
-    """Whether y ~ x^exponent, by a fit over the given range."""
+    """Return whether y ~ x^exponent, by a fit over the given range."""
     power, _ = fitted_power(np.asarray(x, dtype=float), np.abs(np.asarray(y, dtype=float)))
     verdict = Verdict.ASYMPTOTIC if abs(power - exponent) <= within else Verdict.FAILS
     values = ", ".join(f"{v:.2g}" for v in y)

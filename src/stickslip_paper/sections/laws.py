@@ -1,5 +1,5 @@
-"""The library's own equations, at points and as SymPy expressions, to lay beside those of the
-paper."""
+"""The equations of the library, at points and as SymPy expressions, for comparison with those of
+the paper."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _OPERATIONS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 @cache
 def built(declare: Callable[..., ss.System], **given: float | str) -> ss.System:
-    """A system that is asked for again and again, declared once."""
+    """A system, cached by its arguments."""
     return declare(**given)
 
 
@@ -83,14 +83,14 @@ def _translated(node: ast.expr) -> sympy.Expr:
 
 
 def zero(expression: Any) -> bool:
-    """Whether an expression is identically zero."""
+    """Return whether an expression is identically zero."""
     return bool(sympy.simplify(sympy.expand(expression)) == 0)
 
 
 def at_events(
     motion: ss.Trajectory, to: str, column: str = "time", contact: str | None = None
 ) -> np.ndarray:
-    """What the table of events says in a column where something goes over to `to`."""
+    """Values of a column of the table of events at changes to `to`."""
     table = motion.events
     wanted = np.asarray(table["to"] == to)
     if contact is not None:

@@ -1,9 +1,9 @@
 """The scaling limit of the spring slider: the Poincaré maps Φ⁺, Φ⁻ and Ψ = Φ⁻∘Φ⁺ of [M] section 3.
 
-On the axis β = 0 (in (3.3): on U = μ̃(α)) slip takes γ below μ₀v̂ to Φ⁺(γ) above it, and stick
-takes that back. At lowest order in ν both are closed forms; for (3.6), (3.5) and (3.3) they are
-read off the exact motion between two switches. It is about three particular systems, which stand in
-the catalogue, so it belongs to the companion of the paper.
+On the axis β = 0 (in (3.3): on U = μ̃(α)) slip maps γ below μ₀v̂ to Φ⁺(γ) above it, and stick maps
+it back. At lowest order in ν both have closed forms; for (3.6), (3.5) and (3.3) they are evaluated
+from the exact motion between two switches. The study is specific to three systems of the catalogue,
+so it belongs to the companion of the paper.
 
 References
 ----------
@@ -218,14 +218,14 @@ def scaling_study(
     v_hat: float = 1.0,
     equations: Sequence[str] = EQUATIONS,
 ) -> xarray.Dataset:
-    """How fast the exact maps and cycles approach those of lowest order as ν → 0.
+    """Convergence of the exact maps and cycles to those of lowest order as ν → 0.
 
     Parameters
     ----------
     nus : sequence of float
         At least two values.
     equations : sequence of str
-        Of those that :func:`exact` knows.
+        Equations accepted by :func:`exact`.
 
     Returns
     -------

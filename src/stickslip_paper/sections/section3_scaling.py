@@ -67,7 +67,7 @@ def shifted_slider() -> ss.System:
 
 
 def scaled_values(nu: float, b: float = 1.0) -> dict[str, float]:
-    """Parameters of the slider that stand for ν, b and μ₀ = v̂ = 1."""
+    """Parameters of the slider that correspond to ν, b and μ₀ = v̂ = 1."""
     return {"nu": nu, "V": nu, "shift": math.sqrt(nu) * b}
 
 
@@ -475,7 +475,7 @@ def _last_phase(nu: float, slip: bool) -> tuple[ss.Trajectory, float, float]:
 
 
 def _remainders(slip: bool) -> Finding:
-    """Exponents of what is left of U, with the printed and with the corrected sign of √νB."""
+    """Exponents of the remainder of U, with the published and with the corrected sign of √νB."""
     viscosities = np.array([1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6])
     left = np.empty((2, len(viscosities)))
     for i, nu in enumerate(viscosities.tolist()):

@@ -552,7 +552,7 @@ def period_is_fast() -> Finding:
 
 
 def _inward(system: ss.System, U_max: float, alpha_min: float, alpha_max: float) -> Finding:
-    """Whether the field points into a rectangle on all its sides."""
+    """Return whether the field points into a rectangle on all its sides."""
     rng = np.random.default_rng(0)
     outward = -math.inf
     sides = [(U, alpha) for U in (0.0, U_max) for alpha in rng.uniform(alpha_min, alpha_max, 100)]
@@ -595,7 +595,7 @@ def _identity(*differences: Any) -> Finding:
 
 
 def _at_equilibrium(difference: Callable[[Any, dict[str, Any]], Any]) -> Finding:
-    """Whether an expression in the Jacobian vanishes where U = μ̃ + νV."""
+    """Return whether an expression in the Jacobian vanishes where U = μ̃ + νV."""
     found = ss.vector_field(slider(), _SLIDING, at={"U": 2.0, "alpha": 2.0})
     V, nu, alpha, k, alpha_0 = _symbols("V nu alpha k alpha_0")
     law = _law(alpha)

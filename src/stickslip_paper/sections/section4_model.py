@@ -60,7 +60,7 @@ def H_L(p: dict[str, float]) -> float:
 
 
 def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
-    """What a leg of the library holds."""
+    """Friction threshold of a leg in the library."""
     limit = system.dry_contacts[leg].threshold
     assert not isinstance(limit, tuple)  # the same forward and backward
     return system.evaluate(limit, values)

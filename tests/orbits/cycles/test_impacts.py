@@ -186,7 +186,7 @@ def test_the_rimless_wheel() -> None:
     assert cycle.certificate.ok, cycle.certificate
     after = np.sqrt(4 * np.sin(alpha) * np.sin(gamma)) / np.tan(2 * alpha)
     motion = cycle.trajectory
-    (knot,) = motion._leaps
+    (knot,) = motion.state_jumps
     assert motion.knots.state[knot, 1] == pytest.approx(after, rel=1e-10)
     assert_allclose(
         np.sort(np.real(cycle.multipliers)), [np.cos(2 * alpha) ** 2, 1.0], rtol=1e-9, atol=1e-9

@@ -77,7 +77,7 @@ def followed(contact: str) -> Trajectory:
     k = before.knots
     i = int(np.flatnonzero((k.mode[:-1, 0] != 0) & (np.diff(k.time) > 0.0))[-1])
     begin = 0.5 * float(k.time[i] + k.time[i + 1])
-    (state,) = before._states_at(np.array([begin]), np.array([i]))
+    (state,) = before.states_at(np.array([begin]), np.array([i]))
     return follow_state(problem, begin, begin + 3 * period, state)
 
 
@@ -90,12 +90,12 @@ def test_states_within_flights(contact: str) -> None:
     index = np.repeat(np.arange(len(k.time) - 1), 5)
     part = np.tile([0.7, 0.0, 0.31, 1.0, 0.02], len(k.time) - 1)
     clock = k.clock[index] + part * np.diff(k.clock)[index]
-    found = motion._retraced.states(clock, index)
+    found = motion.dense_output.states(clock, index)
     out = np.empty_like(found)
     assert np.any(states_in_flights(motion.problem, k, index, clock, out))
     n = len(found[0]) // 2
     for own in (slice(n), slice(n, 2 * n)):
-        steps = motion._retraced.states_by_steps(clock, index)[:, own]
+        steps = motion.dense_output.states_by_steps(clock, index)[:, own]
         assert np.max(np.abs(found[:, own] - steps)) <= 1e-10 * np.max(np.abs(steps))
 
 

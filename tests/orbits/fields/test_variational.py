@@ -159,7 +159,7 @@ def test_motions_that_share_work_space_are_what_they_are_alone() -> None:
 
     def numbers(motion: Trajectory) -> list[Array]:
         k = motion.knots
-        middle = motion._states_at(0.5 * (k.time[:-1] + k.time[1:]), np.arange(len(k.time) - 1))
+        middle = motion.states_at(0.5 * (k.time[:-1] + k.time[1:]), np.arange(len(k.time) - 1))
         return [k.clock, k.state, middle, variation(motion, pieces).after]
 
     together = posed(masses[0])

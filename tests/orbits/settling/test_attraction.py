@@ -15,7 +15,7 @@ from stickslip import Contact, Inertial, System, catalogue
 from stickslip.arrays import Array
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
-from stickslip.orbits.settling.engine.returns import dies_away, fit_recurrence
+from stickslip.orbits.settling.engine.returns import converges_to_zero, fit_recurrence
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Here, Settings
 from sweeps.test_basin import jenkins
@@ -126,7 +126,7 @@ def test_recurrences_that_die_away() -> None:
             fit = np.zeros((4, 4))
             fit[:k, 3] = rng.normal(size=k)
             roots = np.roots([1.0, *(-fit[:k, 3])])
-            assert dies_away.python(fit, k) == bool(np.all(np.abs(roots) < 1.0))
+            assert converges_to_zero.python(fit, k) == bool(np.all(np.abs(roots) < 1.0))
     returns = [rng.normal(size=4) for _ in range(3)]
     wanted = np.array([0.9, -0.5, 0.2])
     while len(returns) < 8:

@@ -128,7 +128,7 @@ def configured(
 
 
 def with_option(option: str, model: EvolutionModel, **changes: Any) -> EvolutionModel:
-    """The model with what an option changes; the option is named in errors."""
+    """The model with the change by an option, which errors name."""
     try:
         return replace(model, **changes)
     except DeclarationError as error:
@@ -244,7 +244,7 @@ class Averaged:
         return plot_average(self.model.potential, self.average)
 
     def save(self, path: str | Path) -> None:
-        """An average has no file of its own: the summary says it all."""
+        """Averages are not stored: the summary is complete."""
         raise NotImplementedError
 
 

@@ -140,8 +140,8 @@ def _pairs(texts: list[str] | None, option: str) -> dict[str, str]:
 
 
 def _observed(texts: list[str] | None, record: Recording) -> dict[str, str] | None:
-    """Columns and the quantities they are of; which side of the sign is the column, the file
-    says."""
+    """Columns and their quantities; the column is the side of the equals sign that occurs in the
+    file."""
     if not texts:
         return None
     columns = [str(name) for name in record.table.columns]

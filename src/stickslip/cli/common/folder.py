@@ -24,16 +24,16 @@ PICTURE = "overview.png"
 
 @contextmanager
 def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
-    """A place to write results to that becomes `path` when everything went well, and vanishes
-    otherwise.
+    """A temporary folder for results that is renamed to `path` on success, and deleted otherwise.
 
-    Those of `files` that are not written are not there afterwards: an old picture would not show
+    Old files among `files` that are not rewritten are removed, since an old figure would not show
     the new result.
 
     Raises
     ------
     StickslipError
-        If the folder cannot be written, or holds files of these names that are not ours.
+        If the folder cannot be written, or contains files of these names that the library has not
+        written.
     """
     existed = path.exists()
     if existed:
@@ -64,8 +64,7 @@ def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
 
 
 def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
-    """Draw the picture of a result that is written; if that fails the result stays, with a
-    warning."""
+    """Add the figure of a stored result; if plotting fails, the result is kept, with a warning."""
     from stickslip.cli.common.report import warn
 
     partial = folder / f".{PICTURE}.{os.getpid()}.tmp"

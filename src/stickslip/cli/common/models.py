@@ -27,13 +27,13 @@ _FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks 
 
 
 def load_model(model: str, settings: Iterable[str], until: float | None = None) -> System:
-    """The system that a catalogue name or a model file stands for, with ``--set`` applied.
+    """The system of a catalogue name or a model file, with ``--set`` applied.
 
     Parameters
     ----------
     until : float, optional
-        End of its time span, which samples have to cover then. By default a span that is declared
-        stands, and any other is that of the samples.
+        End of its time span, which samples must cover. By default the declared span or, without
+        one, that of the samples.
 
     Raises
     ------
@@ -164,13 +164,13 @@ def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]
 
 
 def _is_file(text: str) -> bool:
-    """Whether it names a file of samples, or is a table that does."""
+    """Return whether a value names a file of samples, or is a table that does."""
     return text.startswith("{") or bool(_FILE.match(text)) or Path(text).is_file()
 
 
 def _samples(name: str, text: str) -> Drive | Table:
-    """Samples of a drive, with the names of the columns or without; a table, if it says of what its
-    values are."""
+    """Samples of a drive, with or without names of the columns; a table, if it declares the
+    quantity of its values."""
     from stickslip.model.entries.samples import Samples
     from stickslip.model.entries.tables import Table
 

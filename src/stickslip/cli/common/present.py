@@ -96,19 +96,19 @@ def present(
     output: ResultOptions,
     heading: Mapping[str, Any] | None = None,
 ) -> NoReturn:
-    """Do the work, write its results together, draw them, print them, and end with the exit code
-    that fits: 0 complete and certified, 1 not, 130 interrupted.
+    """Run a computation, write, plot and print its results, and exit with 0 if complete and
+    certified, 1 if not, 130 if interrupted.
 
     Parameters
     ----------
     label : str
-        What is done, beside the bar on a terminal.
+        Label of the progress bar.
     name : str
-        Of the model: the default folder is called after it.
+        Name of the model, used for the default folder.
     work : callable
-        Takes what shows progress, returns the result.
+        progress callback ↦ result.
     heading : mapping, optional
-        What the summary says besides: ``title`` and the like of the model file.
+        Additional entries of the summary, such as the ``title`` of the model file.
     """
     folder = output.out or folder_of(name, files.folder)
     began = time.perf_counter()
@@ -139,7 +139,7 @@ def present(
 
 
 def _timed(summary: Summary, heading: Mapping[str, Any], seconds: float) -> Summary:
-    """The summary with what else is known, and the time that it took."""
+    """The summary with additional entries, and the elapsed time."""
     data = {**summary.data, **heading, "wall_time": seconds}
     rows = (*summary.rows, ("wall time", f"{seconds:.3g} s"))
     return replace(summary, title=str(data["title"]), rows=rows, data=data)

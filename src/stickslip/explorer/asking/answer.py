@@ -16,14 +16,14 @@ _LENGTH = struct.Struct("<Q")
 
 @dataclass(frozen=True)
 class Answer:
-    """A part of what was asked for.
+    """A part of the answer to a request.
 
     Attributes
     ----------
     head : mapping
         Texts and numbers.
     arrays : mapping of str to array
-        What is drawn.
+        Data of the figures.
     """
 
     head: Mapping[str, Any] = field(default_factory=dict)
@@ -65,7 +65,7 @@ def send_frame(stream: IO[bytes], thing: object) -> None:
 
 
 def receive_frame(stream: IO[bytes]) -> Any:
-    """The next thing of a stream between this program and its own workers.
+    """The next message of a stream between this program and its workers.
 
     Raises
     ------

@@ -55,11 +55,11 @@ class Request:
     serial : int
         Its number; an answer has the same.
     lane : str
-        A newer question of the same lane takes the place of an older one.
+        A newer question of the same lane replaces an older one.
     what : str
-        What is asked for.
+        Kind of the request.
     options : mapping of str to anything
-        What else belongs to the question; who answers it checks it.
+        Options of the request, checked by its handler.
     """
 
     serial: int
@@ -116,7 +116,7 @@ def read_request(text: str) -> Request:
 
 
 def _is_deep(table: Any) -> bool:
-    """Whether lists and tables stand in each other more deeply than any question has them."""
+    """Return whether lists and tables are nested more deeply than in any valid question."""
     level = [[table]]
     for _ in range(MOST_LEVELS):
         inside = [x for parts in level for x in parts if isinstance(x, dict | list)]
@@ -125,8 +125,8 @@ def _is_deep(table: Any) -> bool:
 
 
 def read_state(text: str) -> PageSetting:
-    """The system as an address has it set, ``belt_block?V=0.45&x@=0.1&until=60``; what a page knows
-    alone (panels, packed models) is left out."""
+    """The state of the system in a URL, ``belt_block?V=0.45&x@=0.1&until=60``; entries for the page
+    alone (panels, packed models) are ignored."""
     model, _, query = text.partition("?")
     values: dict[str, float | str] = {}
     initial: dict[str, float] = {}
@@ -143,7 +143,7 @@ def read_state(text: str) -> PageSetting:
 
 
 def packed_text(text: str) -> str:
-    """A text as it stands in an address: deflated, in letters that need no quoting."""
+    """A text for a URL: deflated, in characters that need no quoting."""
     deflate = zlib.compressobj(wbits=-zlib.MAX_WBITS)
     data = deflate.compress(text.encode()) + deflate.flush()
     return base64.urlsafe_b64encode(data).rstrip(b"=").decode()

@@ -1,5 +1,5 @@
-"""The choice of an animation: one drawn for the system, one of its structures, one from above for
-contacts in a plane, or the generic one."""
+"""The choice of an animation: a specific one for the system, one of its structures, one from above
+for planar contacts, or the generic one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ DRAWN = {
 
 
 def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """The moving picture of a motion.
+    """The animation of a motion.
 
     Parameters
     ----------

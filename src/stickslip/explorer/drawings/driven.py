@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def drive_of(motion: Trajectory, formula: object, times: Array) -> Array | None:
-    """The values of a formula of time and parameters; None if it depends on anything else, or is
-    somewhere undefined."""
+    """The values of a formula of time and parameters; None if it depends on other quantities, or is
+    undefined somewhere."""
     found = _compiled(motion.system, str(formula))
     if found is None:
         return None

@@ -37,7 +37,7 @@ def bodies_of(system: System) -> dict[tuple[str, str], str]:
 def bodies_from_above(
     motion: Trajectory, times: Array, values: Mapping[str, Array]
 ) -> Scene | None:
-    """A picture of the plane in which things slide; none where their places are no coordinates.
+    """Animation of the plane in which bodies slide; None if their positions are not coordinates.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _TALL = 0.9
 
 
 def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A picture that every system has."""
+    """An animation that is available for every system."""
     system = motion.system
     names = [x for x in system.places if x in values] or [x for x in system.internal if x in values]
     names = names[:_MOST]

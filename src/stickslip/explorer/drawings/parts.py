@@ -1,8 +1,7 @@
 """The parts of an animation: shapes, and their positions during a motion.
 
-A place is a number, or one for each time. The page knows how to put each kind of part where it
-belongs and nothing else; what a part means stands here. Lengths are those of the picture, y runs
-upwards.
+A position is a number, or one for each time. The page only positions each kind of part; the meaning
+of a part is defined here. Lengths are those of the drawing, and y increases upwards.
 """
 
 from __future__ import annotations
@@ -45,18 +44,18 @@ class MovingPart:
 
 @dataclass
 class Scene:
-    """A moving picture.
+    """An animation.
 
     Attributes
     ----------
     width, height : float
-        What of the plane is seen.
+        Size of the visible part of the plane.
     bottom : float
-        Where it ends below.
+        Lower end of the visible part.
     follow : Course
-        What is in the middle, from left to right.
+        Horizontal position of the centre.
     about : str
-        What the picture shows, for who does not see it.
+        Text alternative of the animation.
     """
 
     width: float
@@ -107,7 +106,7 @@ class Scene:
 
 
 def on_ground(width: float, height: float, bottom: float, follow: Course, about: str) -> Scene:
-    """A moving picture on level ground."""
+    """An animation on level ground."""
     scene = Scene(width, height, bottom, follow, about)
     scene.add(ground())
     return scene
@@ -141,7 +140,7 @@ def box(
     look: str = "body",
     contact: str = "",
 ) -> MovingPart:
-    """A block that stands on its place.
+    """A block on its position.
 
     Parameters
     ----------
@@ -171,7 +170,7 @@ def path(
 
 
 def curve(points: Sequence[Spot]) -> MovingPart:
-    """An open line whose points move each by itself."""
+    """An open line whose points move independently."""
     values: dict[str, Course] = {}
     for i, (x, y) in enumerate(points):
         values |= {f"x{i}": x, f"y{i}": y}

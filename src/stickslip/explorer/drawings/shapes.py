@@ -26,7 +26,7 @@ _MODES = 4  # whose shapes show how many it has
 
 
 def structures_by_index(motion: Trajectory, times: Array) -> Scene:
-    """A picture of a system that consists of structures.
+    """Animation of a system that consists of structures.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def _pull(scene: Scene, middle: Array) -> None:
 
 
 def _from_behind(scene: Scene, x: Array, psi: Array, contacts: Mapping[str, str]) -> None:
-    """It tilts about the foot that carries."""
+    """The toy from behind, tilted about the stance foot."""
     carries = np.where(psi > 0.0, 0.4, -0.4)
     tilt = -0.1 * psi
 

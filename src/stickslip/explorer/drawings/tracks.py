@@ -110,6 +110,6 @@ def _given(motion: Trajectory, name: str, times: Array) -> Array:
 
 
 def _scaled(stretch: Array) -> float:
-    """By what lengths are multiplied so that a spring's stretch can be seen."""
+    """Factor of lengths that makes the extension of a spring visible."""
     most = float(np.max(np.abs(stretch)))
     return 0.8 / most if most > 0.0 else 1.0

@@ -33,13 +33,13 @@ class Shapes:
     near: list[float] = field(default_factory=list)
 
     def add(self, values: Array, near: float) -> list[float]:
-        """The number of the shape (−1: constant), and the values that its 0 and 1 stand for.
+        """The number of the shape (−1: constant), and the values of its 0 and 1.
 
         Parameters
         ----------
         values : array, shape (n,)
         near : float
-            How far straight lines between its samples may be from it, as a fraction of its range.
+            Tolerance of straight lines between its samples, as a fraction of its range.
         """
         # What is without bound, such as a threshold, is outside of any figure.
         values = np.nan_to_num(values, posinf=_FAR, neginf=-_FAR)
@@ -74,8 +74,8 @@ class Shapes:
         return letters((times - first) / (last - first), _TIME) if last > first else ""
 
     def spans(self, ends: Array) -> str:
-        """Begins and ends of intervals as letters, where what lies within a pixel of another is one
-        with it."""
+        """Starts and ends of intervals as letters; intervals within a pixel of each other are
+        merged."""
         if not len(ends) or not self.times[-1] > self.times[0]:
             return ""
         pixel = (self.times[-1] - self.times[0]) / 4096.0
@@ -94,7 +94,7 @@ class Shapes:
 
 
 def short_number(value: float) -> float:
-    """A number with the digits that a picture needs."""
+    """A number with the digits that a figure needs."""
     return float(f"{value:.5g}")
 
 

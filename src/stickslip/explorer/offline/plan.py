@@ -57,13 +57,13 @@ class Plan:
 
 
 def read_plan(system: System, over: Mapping[str, Any] | Sequence[str] | None) -> Plan:
-    """The points that a user asks for.
+    """Read the requested points.
 
     Parameters
     ----------
     over : mapping or sequence of str, optional
-        Up to three parameters or initial values, with their values, as for a map; of a parameter
-        without values, those of its slider in the explorer. By default each parameter in turn.
+        Up to three parameters or initial values, with their values, as for a map; without values,
+        those of its slider in the explorer. By default each parameter separately.
 
     Raises
     ------

@@ -45,13 +45,13 @@ class Stored:
     Attributes
     ----------
     points : list of int
-        Which of the records belongs to each point of the plan.
+        Index of the record of each point of the plan.
     records : list of dict
-        What is stored, as data for JSON.
+        Stored values, as data for JSON.
     lines : dict
-        What is drawn, and how it is written: ``rows``, ``symbols``, ``units``.
+        Plotted quantities, with their labels: ``rows``, ``symbols``, ``units``.
     scenes : list of dict
-        Moving pictures, without the places of their parts.
+        Animations, without the positions of their parts.
     """
 
     points: list[int] = field(default_factory=list)
@@ -118,7 +118,7 @@ class _Writer:
         self.near = _NEAR[0]
 
     def point(self, given: Mapping[str, float]) -> dict[str, Any]:
-        """The motion at a point, and its cycle; or why there is none."""
+        """The motion at a point, and its cycle; or the reason why there is none."""
         from stickslip.motion.simulate import simulate
 
         system = self.system
@@ -184,7 +184,7 @@ class _Writer:
     def scene(
         self, motion: Trajectory, values: Mapping[str, Array], shapes: Shapes
     ) -> dict[str, Any]:
-        """The moving picture, if its parts move in a few ways only."""
+        """The animation, if its parts have only a few independent curves."""
         head, arrays = scene_of(motion, shapes.times, values).packed()
         before = len(shapes.curves)
         curves = {name: shapes.add(curve.astype(float), _ROUGH) for name, curve in arrays.items()}
@@ -209,8 +209,8 @@ class _Writer:
 def _lines(
     about: Mapping[str, Any], contacts: Sequence[str], values: Mapping[str, Array]
 ) -> dict[str, Any]:
-    """Quantities that are drawn over time, with their symbols; forces that are not zero throughout
-    come first."""
+    """Quantities plotted over time, with their symbols; forces that are not zero throughout come
+    first."""
     of: dict[str, list[dict[str, Any]]] = {}
     for group in about["groups"]:
         of.setdefault(group["kind"], []).append(group)

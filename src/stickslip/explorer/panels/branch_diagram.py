@@ -6,7 +6,7 @@ from stickslip.explorer.panels.plots import Panel
 
 
 def branch_diagram() -> Panel:
-    """Lines of branches, their points, and what is special on them."""
+    """Lines of branches, with their points and special points."""
     panel = Panel()
     plot = panel.plot("branch")
     panel.curves(plot, "branch_lines", "dash")

@@ -1,5 +1,5 @@
-"""Common parts of the figures of all panels. Colours of text and grid are set by the page, which
-knows whether it is dark; nothing is heavier than what is drawn."""
+"""Common parts of the figures of all panels. The page sets the colours of text and grid, for a
+light or dark theme; both are lighter than the data."""
 
 from __future__ import annotations
 
@@ -113,12 +113,12 @@ class Panel:
         glyph: Glyph,
         level: RenderLevelType = "glyph",
     ) -> ColumnDataSource:
-        """Let a figure draw a glyph from columns that are empty yet.
+        """Add a glyph with initially empty columns to a figure.
 
         Parameters
         ----------
         name : str
-            Of the columns, for the page.
+            Name of the columns, for the page.
         """
         source = ColumnDataSource({column: [] for column in columns})
         plot.renderers.append(
@@ -135,7 +135,7 @@ class Panel:
         return source
 
     def curves(self, plot: Plot, name: str, *more: Literal["dash", "alpha"]) -> None:
-        """Lines through many points, each with a colour and a width, and whatever more."""
+        """Lines through many points, with colour, width and further properties."""
         given: dict[str, Any] = {f"line_{what}": what for what in more}
         lines = MultiLine(
             xs="xs", ys="ys", line_color="color", line_width="width", line_join="round", **given

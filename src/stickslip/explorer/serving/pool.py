@@ -40,8 +40,8 @@ InLoop = Callable[[Callable[[], None]], Any]
 
 @dataclass
 class Job:
-    """A question, whose it is, who is told the answer (its parts, then None and True), and how many
-    characters it has."""
+    """A question, its page, the callback for the answer (its parts, then None and True), and its
+    length in characters."""
 
     page: Hashable
     request: Request
@@ -62,7 +62,7 @@ class Worker:
     call : callable
         Runs a function in the thread of the server.
     heard : callable
-        Is called there with the worker and what it said; None: it has ended.
+        Called there with the worker and its message; None: it has ended.
     """
 
     def __init__(self, call: InLoop, heard: Callable[[Worker, Any], None]) -> None:
@@ -101,7 +101,7 @@ class Worker:
             self._send(None)
 
     def overdue(self, now: float) -> bool:
-        """Whether it takes too long."""
+        """Return whether the time limit is exceeded."""
         if self.job is None:
             return False
         limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
@@ -145,9 +145,9 @@ class WorkerPool:
     call : callable
         Runs a function in the thread of the server, from any thread.
     size : int, optional
-        Number of workers; by default as many as processors, two to four.
+        Number of workers; by default the number of processors, between two and four.
     first : Request, optional
-        What will be asked first.
+        The expected first question.
     """
 
     def __init__(self, call: InLoop, size: int | None = None, first: Request | None = None) -> None:
@@ -187,7 +187,7 @@ class WorkerPool:
                 worker.give_up()
 
     def tick(self) -> None:
-        """End what takes too long; to be called now and then."""
+        """End workers that exceed the time limit; to be called periodically."""
         now = time.monotonic()
         for worker in self.workers:
             if worker.overdue(now):
@@ -208,8 +208,8 @@ class WorkerPool:
         return Worker(self._call, self._heard)
 
     def _distribute(self) -> None:
-        """Give waiting questions to workers that are free, to those that know the page if possible;
-        first those of pages for which the fewest workers have worked last."""
+        """Assign waiting questions to free workers, preferably to those that last worked for the
+        same page; pages with the fewest workers come first."""
         last = [worker.last_page for worker in self.workers]
         for lane, job in sorted(self._waiting.items(), key=lambda item: last.count(item[1].page)):
             free = [w for w in self.workers if w.job is None and w.ready]
@@ -221,7 +221,7 @@ class WorkerPool:
             worker.begin(job)
 
     def _one_is_slow(self) -> bool:
-        """Whether a worker is busy with what may take long."""
+        """Return whether a worker is busy with a possibly slow question."""
         return any(w.job is not None and w.job.request.what != _QUICK for w in self.workers)
 
     def _heard(self, worker: Worker, said: Any) -> None:
@@ -242,14 +242,14 @@ class WorkerPool:
         self._distribute()
 
     def _prepare(self, worker: Worker) -> None:
-        """A worker has loaded: let it do what was answered last, for nobody, so that it has the
-        model and the machine code when it is asked."""
+        """When a worker has loaded, let it repeat the last answered question, without a recipient,
+        so that it has the model and the machine code for the next one."""
         worker.ready = True
         if self._expected is not None:
             worker.begin(Job(None, self._expected, lambda answer, final: None))
 
     def _compiles(self, worker: Worker) -> None:
-        """A worker compiles: notify those who wait for it, or for a free one."""
+        """When a worker compiles, notify the pages that wait for it, or for a free worker."""
         worker.compiling = True
         own = [worker.job] if worker.job is not None and not worker.given_up else []
         for job in [*own, *self._waiting.values()]:
@@ -266,7 +266,7 @@ class WorkerPool:
             self.workers.append(self._worker())
 
     def _replace(self, worker: Worker) -> None:
-        """A worker has ended: say so, and start another one."""
+        """When a worker has ended, report it, and start another one."""
         job = worker.job
         if job is not None and job.request is self._expected:
             self._expected = None  # it may end the next one, too
@@ -283,5 +283,5 @@ class WorkerPool:
 
 
 def _is_idle(job: Job, asked: Job) -> bool:
-    """Whether a worker prepares for something else than what is asked."""
+    """Return whether a worker is preparing for a different question."""
     return job.page is None and job.request.setting != asked.request.setting

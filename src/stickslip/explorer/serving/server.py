@@ -39,15 +39,15 @@ class Listening:
     Attributes
     ----------
     port : int
-        0: one that is free.
+        0: a free port.
     names : tuple of str
-        More names under which it may be asked.
+        Additional accepted host names.
     given : str
-        The text of a model file to begin with.
+        The text of the initial model file.
     start : str
-        The state to begin with, as it stands behind the # of an address.
+        The initial state, as in the fragment of a URL.
     most_pages : int
-        How many pages may be open.
+        Maximum number of open pages.
     """
 
     host: str = HERE
@@ -129,7 +129,7 @@ class Explorer:
         asyncio.run(self._serve())
 
     def start(self) -> Explorer:
-        """Serve pages beside whatever else this program does.
+        """Serve pages in the background.
 
         Raises
         ------
@@ -197,26 +197,26 @@ def _on_signal(name: str, act: Callable[[], None]) -> None:
 
 
 def _application(place: Listening, pool: WorkerPool):
-    """Bokeh's application, and what listens for it."""
+    """Bokeh's application, and its listening sockets."""
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
 
+    from stickslip.explorer.serving.access import AccessRules, Guarded, Leaving, check_bokeh
     from stickslip.explorer.serving.document import page_maker
-    from stickslip.explorer.serving.doors import Doors, Guarded, Leaving, check_bokeh
 
     check_bokeh()
     logging.getLogger("bokeh").setLevel(logging.CRITICAL)
     for name in ("tornado.access", "tornado.application", "tornado.general"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    doors = Doors(_names(place))
-    doors.token = place.token
+    access = AccessRules(_names(place))
+    access.token = place.token
     make = page_maker(pool, place.given)
     port = place.sockets[0].getsockname()[1]
     application = Guarded(
         {"/": Application(FunctionHandler(make), Leaving())},
-        doors=doors,
+        access=access,
         most_pages=place.most_pages,
-        extra_websocket_origins=[f"{name}:{port}" for name in doors.names],
+        extra_websocket_origins=[f"{name}:{port}" for name in access.names],
         secret_key=secrets.token_bytes(32),
         sign_sessions=True,
         generate_session_ids=True,

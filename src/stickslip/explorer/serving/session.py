@@ -27,7 +27,7 @@ class Session:
     Parameters
     ----------
     document : Document
-        Bokeh's, which is the same in the page.
+        Bokeh's document, which is synchronised with the page.
     given : str
         The text of the model that the explorer was opened with.
     """
@@ -68,7 +68,7 @@ class Session:
         return reply
 
     def _say(self, head: dict[str, Any], arrays: dict[str, Any]) -> None:
-        """Send this to the page, with whatever else is ready by then."""
+        """Send a message to the page, together with others that are ready by then."""
         if self._closed or len(self._waiting) > _MOST_WAITING:
             return
         self._waiting.append(head)
@@ -87,7 +87,7 @@ class Session:
         self._wire.update(said=[json.dumps(_plain(heads), ensure_ascii=False), data])
 
     def _close(self, context: Any) -> None:
-        """The page is closed, and what it has asked for stops."""
+        """Close the session and stop its computations when the page is closed."""
         self._closed = True
         self._pool.drop(self)
 
@@ -110,7 +110,7 @@ def _packed(parts: list[dict[str, Array]]) -> tuple[list[dict[str, Any]], Array]
 
 
 def _plain(value: Any) -> Any:
-    """JSON knows no infinity."""
+    """Replace infinite numbers, which JSON does not have."""
     match value:
         case dict():
             return {key: _plain(part) for key, part in value.items()}

@@ -27,9 +27,9 @@ def seen_times(
     Parameters
     ----------
     names : sequence of str
-        Quantities that are drawn.
+        Plotted quantities.
     window : (float, float), optional
-        The part of the time that is looked at.
+        The visible time interval.
     """
     knots = motion.knots.time
     low, high = (float(knots[0]), float(knots[-1])) if window is None else window

@@ -24,7 +24,7 @@ _MOTIONS: dict[tuple[object, ...], Trajectory] = {}
 
 
 def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
-    """The system of a page, and the parameters that differ from its own.
+    """The system of a page, and the parameters that differ from its defaults.
 
     Raises
     ------

@@ -41,12 +41,12 @@ def follow_branches(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 class _Coming:
-    """Tells the page of new points, a few at a time.
+    """Send new points to the page in batches.
 
     Parameters
     ----------
     name, over : str
-        Of the branch, and of its parameter.
+        Names of the branch and of its parameter.
     """
 
     def __init__(self, name: str, over: str, patience: Patience) -> None:

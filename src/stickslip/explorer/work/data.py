@@ -37,7 +37,7 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
             "none of the times is in the motion",
             "Choose the column of times, or extend the motion",
         )
-    if name not in {*motion.final, *motion._rows, *motion.system.outputs}:
+    if name not in {*motion.final, *motion.row_of, *motion.system.outputs}:
         raise DeclarationError(
             "data", f"unknown quantity '{name}'", "Choose a quantity of the motion"
         )

@@ -2,7 +2,7 @@
 phase, its average, and the motions of both.
 
 Mielke 2017, Theorem 2.2: as ε → 0 the motions z_ε with Ψ(t/ε, ·) converge to the motion with Ψ_av,
-whose stable set is what all K(s) have in common.
+whose stable set is the intersection of all K(s).
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def file_named(name: str, ending: str = "toml") -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as Python reads it, whatever stands in it."""
+    """A Python string literal of any text."""
     return json.dumps(text, ensure_ascii=False)
 
 

@@ -29,8 +29,8 @@ _MOST = 6  # contacts that are shown
 
 
 def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]:
-    """Thresholds and forces over one period of what the motion settles on, or over its second half
-    if that does not repeat.
+    """Thresholds and forces over one period of the limit cycle, or over the second half of the
+    motion if it does not repeat.
 
     Raises
     ------

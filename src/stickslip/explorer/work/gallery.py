@@ -22,7 +22,7 @@ _PART = 0.15  # of the usual span
 
 
 def draw_gallery(request: Request, patience: Patience) -> Iterator[Answer]:
-    """A picture, a title and a source for every system of the catalogue."""
+    """A figure, a title and a source for every system of the catalogue."""
     for name in catalogue.names():
         patience.check()
         system = catalogue.get(name)

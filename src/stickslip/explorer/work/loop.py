@@ -48,7 +48,7 @@ class NoLongerWanted(Exception):
 
 
 class Patience:
-    """Whether somebody still waits; what computes for long asks now and then."""
+    """Test of whether an answer is still needed, called periodically by long computations."""
 
     def __init__(self) -> None:
         self._over = threading.Event()
@@ -63,7 +63,7 @@ class Patience:
         self._over.set()
 
     def check(self, *_: object) -> None:
-        """Give up what nobody waits for; the listener of a computation's progress.
+        """Progress listener that stops a computation whose answer is no longer needed.
 
         Raises
         ------
@@ -122,7 +122,7 @@ def serve_pipe() -> None:
 
 
 def answers(request: Request, patience: Patience) -> Iterator[Answer]:
-    """The parts of an answer, or what is wrong with the question; never an exception."""
+    """The parts of an answer, or an error message; never an exception."""
     try:
         if request.what not in TASKS:
             yield Answer({"refused": {"where": "", "reason": "unknown request", "remedy": ""}})
@@ -148,7 +148,7 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def limit_memory() -> None:
-    """Let this process have so much memory and no more, where the system knows how."""
+    """Limit the memory of this process, if the operating system supports it."""
     try:
         import resource
     except ImportError:

@@ -31,8 +31,7 @@ _STICKS = 0
 
 
 def move(request: Request, patience: Patience) -> Iterator[Answer]:
-    """The motion that a page shows; a moment later, if nothing newer is asked for, its
-    certificate."""
+    """The motion of a page; then, unless there is a newer request, its certificate."""
     motion = shown_motion(request.setting, patience)
     yield _seen(motion, _window(request, motion))
     if request.options.get("window") is None:
@@ -41,7 +40,7 @@ def move(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
-    """The part of the time that a page asks for, if it asks for one."""
+    """The requested time interval, if any."""
     given = request.options.get("window")
     if given is None:
         return None

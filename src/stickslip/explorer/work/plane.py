@@ -23,7 +23,7 @@ _MOST = 2000  # points of a section
 
 
 def long_run_in_plane(request: Request, patience: Patience) -> Iterator[Answer]:
-    """Equilibria at once, then the cycle, if there are any."""
+    """Equilibria first, then the cycle, if there are any."""
     from stickslip.orbits.equilibria.finding import equilibria
 
     system, numbers = system_of(request.setting)
@@ -64,7 +64,7 @@ def _section(motion: Trajectory) -> dict[str, Array]:
 
 
 def _turn(turn: Trajectory) -> dict[str, Array]:
-    """One period, with all its switches."""
+    """Points over one period, including all switches."""
     knots = turn.knots.time
     times = np.union1d(np.linspace(knots[0], knots[-1], _TURN), knots)
     index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 1)

@@ -19,8 +19,8 @@ _ROOM = 16  # letters of the names that a panel has room for beside its axis
 
 
 def label_of_several(names: Sequence[str], unit: str) -> str:
-    """The label of an axis for several variables: all of them, or the first and the last, or what
-    their names begin with, as there is room. The legend names each."""
+    """The label of an axis for several variables: all of them, or the first and the last, or their
+    common prefix, depending on the space. The legend names each."""
     if len(names) <= MANY_LINES and sum(map(len, names)) <= _ROOM:
         return axis_label(names, unit)
     alike = takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))

@@ -136,7 +136,7 @@ def hatched_patch(hatch: str, label: str, colour: str | tuple[str, float] = "non
 
 
 def _set_width(patch: Patch, width: float) -> bool:
-    """Set the width of the lines of a hatch, which matplotlib knows since 3.10."""
+    """Set the width of the lines of a hatch, supported since matplotlib 3.10."""
     known = getattr(patch, "set_hatch_linewidth", None)
     if known is not None:
         known(width)

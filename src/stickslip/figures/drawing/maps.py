@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def chosen_measures(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
-    """The measures that a picture shows: by default all of the map.
+    """The measures in a figure: by default all of the map.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def axis_unit(data: xarray.Dataset, name: str) -> str:
 
 
 def axis_text(data: xarray.Dataset, names: list[str]) -> str:
-    """Meaning, symbols and unit of what an axis shows."""
+    """Meaning, symbols and unit of the quantity of an axis."""
     meaning = str(data[names[0]].attrs.get("long_name", ""))
     label = axis_label(names, axis_unit(data, names[0]))
     if len(names[0]) > 2 and names[0] in meaning.split():  # a word, and no symbol

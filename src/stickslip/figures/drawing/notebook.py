@@ -14,9 +14,9 @@ _DOTS = 100  # per inch, on a screen
 
 
 def embedded(draw: Callable[[], Figure]) -> Html:
-    """A picture as an element of HTML that needs no file.
+    """A figure as an HTML element without external files.
 
-    A picture never costs a result: where it cannot be drawn, the element says why.
+    A failure of the figure does not affect the result: the element then contains the reason.
     """
     buffer = io.BytesIO()
     try:

@@ -72,7 +72,7 @@ class InPlane:
 
     @property
     def turns(self) -> bool:
-        """Whether it is a face, whose force is one in the plane and a moment."""
+        """Whether the contact is a face, with a planar force and a moment."""
         return len(self.parts) == 3
 
     @cached_property
@@ -101,7 +101,7 @@ class InPlane:
 
     @property
     def traced(self) -> list[str]:
-        """Quantities of the motion that its pictures need, beside the state."""
+        """Quantities of the motion that its figures need in addition to the state."""
         return [f"{kind}_{part}" for part in self.parts for kind in ("friction", "threshold")]
 
     def force(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
@@ -250,14 +250,14 @@ class InPlane:
 
 
 class PlaneCurves:
-    """Paths and forces of contacts in planes, collected bit by bit.
+    """Paths and forces of contacts in planes, collected incrementally.
 
     Parameters
     ----------
     sampled : SampledMotion
-        Where the motion is looked at.
+        Sampled times of the motion.
     whole : bool
-        Whether everything is drawn as it is.
+        Whether to plot all samples.
 
     Attributes
     ----------
@@ -266,7 +266,7 @@ class PlaneCurves:
     ends : dict of str to array, shape (2, 2)
         Start and end of each path.
     reach : dict of str to array, shape (2, 2)
-        Least and largest half axes of the set of forces.
+        Smallest and largest half-axes of the set of forces.
     """
 
     def __init__(self, planes: Sequence[InPlane], sampled: SampledMotion, whole: bool) -> None:
@@ -379,7 +379,7 @@ def _box(plane: InPlane, sampled: SampledMotion) -> tuple[Array, Array]:
 
 
 def _square(axes: Axes, across: str, up: str, alike: bool = True) -> None:
-    """Equal scales, of what is alike, and names of the axes."""
+    """Set equal scales for quantities of the same kind, and the labels of the axes."""
     if alike:
         axes.set_aspect("equal", adjustable="datalim")
     axes.set_box_aspect(0.9)

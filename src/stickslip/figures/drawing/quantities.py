@@ -39,12 +39,13 @@ _LETTERS = 24  # of a label beside a panel, in a line
 def plot_quantities(
     data: xarray.Dataset, names: Sequence[str], along: str, ax: Axes | None = None
 ) -> Figure:
-    """Quantities over a dimension of a dataset, a panel each, or together in given axes.
+    """Plot quantities over a dimension of a dataset, one panel each, or together in given axes.
 
     Parameters
     ----------
     names : sequence of str
-        Variables over the dimension; what has a second one is drawn as several lines.
+        Variables over the dimension; a variable with a second dimension is plotted as several
+        lines.
     along : str
         The dimension.
     ax : matplotlib.axes.Axes, optional
@@ -85,12 +86,12 @@ def plot_quantities(
 
 
 def _drawable(values: xarray.DataArray) -> bool:
-    """Whether it is made of numbers, over one or two dimensions."""
+    """Return whether a variable is numeric, over one or two dimensions."""
     return values.dtype.kind in "fiub" and values.ndim <= 2
 
 
 def _draw(axes: Axes, data: xarray.Dataset, name: str, along: str, colour: str | None) -> None:
-    """The lines of a quantity; what holds codes is drawn in steps, with its words at the axis."""
+    """Plot the lines of a quantity; codes are plotted in steps, with their words at the axis."""
     values = data[name].transpose(along, ...).values.astype(float)
     across = _coordinate(data, along)
     lines = values.reshape(len(values), -1)
@@ -116,7 +117,7 @@ def _draw(axes: Axes, data: xarray.Dataset, name: str, along: str, colour: str |
 
 
 def _named(data: xarray.Dataset, along: str) -> bool:
-    """Whether what is run over has names instead of numbers."""
+    """Return whether the dimension has names instead of numbers."""
     return along in data.coords and data[along].dtype.kind not in "fiub"
 
 
@@ -128,7 +129,7 @@ def _coordinate(data: xarray.Dataset, along: str) -> np.ndarray:
 
 
 def _horizontal(data: xarray.Dataset, along: str) -> str:
-    """The label of what is run over."""
+    """The label of the horizontal axis."""
     unit = str(data[along].attrs.get("units", "1")) if along in data.coords else "1"
     if along == "time":
         label = unit_label(unit)

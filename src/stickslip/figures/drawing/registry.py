@@ -52,7 +52,7 @@ def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
 
 
 def registered(kind: type, name: str) -> Callable[..., Any] | None:
-    """The function that draws results of a kind by a name, if there is one."""
+    """The plot function of a name for results of a kind, if there is one."""
     for base in kind.__mro__:
         if name in _drawn.get(base, {}):
             return _drawn[base][name]

@@ -45,8 +45,7 @@ def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[floa
 
 
 class SampledMotion:
-    """Times at which a motion is looked at: on each step, both ends included, and nowhere far
-    apart."""
+    """Sampled times of a motion: on each step, including both ends, and without large gaps."""
 
     def __init__(self, trajectory: Trajectory, window: tuple[float, float] | None = None) -> None:
         self.trajectory = trajectory
@@ -60,7 +59,7 @@ class SampledMotion:
             part = slice(self.first, last + 1)
             time, state = time[part].copy(), state[part].copy()
             time[[0, -1]] = ends
-            state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
+            state[[0, -1]] = trajectory.states_at(ends, np.array([self.first, last - 1]))
         self.time = time
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.at_knots |= of_modes(trajectory.system.unknowns, self.at_knots)

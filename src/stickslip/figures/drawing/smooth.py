@@ -14,8 +14,8 @@ PIECES = 12  # of the curve between two points
 def smooth_curve(x: Array, y: Array, corners: Array) -> tuple[Array, Array]:
     """A cubic Hermite curve through points of the plane, by the length of their chords.
 
-    Slopes are Akima's (SciPy's ``makima``), of the points on the same side of a corner: so it does
-    not swing beside steep or broken places.
+    Slopes are Akima's (SciPy's ``makima``), from points on the same side of a corner, so that the
+    curve does not overshoot near steep parts and corners.
 
     Parameters
     ----------

@@ -125,9 +125,9 @@ def paper_style() -> Iterator[None]:
 
 
 class _RoomyLocator(MaxNLocator):
-    """Ticks at plain numbers, as few as their labels have room for beside each other.
+    """Ticks at round numbers, as many as there is space for the labels.
 
-    Matplotlib's own takes labels of three letters for granted.
+    Matplotlib's locator assumes labels of three characters.
     """
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class _RoomyLocator(MaxNLocator):
         self._known: tuple[Any, Any] = (None, None)
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        """The ticks between two ends; matplotlib asks for them dozens of times."""
+        """The ticks between two ends, cached, since matplotlib computes them repeatedly."""
         axis: Any = self.axis
         about = vmin, vmax, axis.axes.bbox.bounds, axis.get_major_formatter()
         if self._known[0] != about:
@@ -157,7 +157,7 @@ class _RoomyLocator(MaxNLocator):
 
 
 def _have_room(axis: Any, ticks: Array, low: float, high: float) -> bool:
-    """Whether the labels of ticks across stand apart."""
+    """Return whether the labels of horizontal ticks do not overlap."""
     shown = ticks[(ticks >= low) & (ticks <= high)]
     if len(shown) < 2:
         return True
@@ -170,8 +170,8 @@ def _have_room(axis: Any, ticks: Array, low: float, high: float) -> bool:
 
 
 def _between_decades(axis: Any) -> None:
-    """Of a logarithmic axis, label powers of ten alone; if there are fewer than two, 1, 2 and 5
-    times these as plain numbers, or whatever numbers there are."""
+    """On a logarithmic axis, label only powers of ten; if there are fewer than two, also 2 and 5
+    times these as plain numbers, or else all ticks."""
     axis.set_minor_formatter(NullFormatter())
     low, high = sorted(axis.get_view_interval())
     first, last = np.log10([low, high])
@@ -189,14 +189,14 @@ def _between_decades(axis: Any) -> None:
 
 
 class Picture(Figure):
-    """A figure that a notebook shows, also where no backend for notebooks is active.
+    """A figure that a notebook shows, also without an active notebook backend.
 
-    Where one is, it is shown by that, and not by this: it stands in no list of open figures, and
-    IPython asks for a picture once.
+    It is also shown only once if such a backend is active, since it is not in the list of open
+    figures.
     """
 
     def draw(self, renderer: Any) -> None:
-        """Draw it, with no more numbers at its axes than have room, and powers of ten beside the
+        """Draw the figure, with as many numbers at its axes as fit, and powers of ten with the
         units."""
         for axes in self.axes:
             if type(axes.xaxis.get_major_locator()) is AutoLocator:
@@ -260,8 +260,8 @@ def axis_label(names: Iterable[str], unit: str) -> str:
 
 
 def powers_in_labels(figure: Figure) -> None:
-    """Powers of ten of very large and very small numbers stand with the unit, as in x [10⁻⁶ m], not
-    at the end of the axis, where they may hit something."""
+    """Write powers of ten of very large and very small numbers with the unit, as in x [10⁻⁶ m], not
+    at the end of the axis, where they may overlap."""
     for axes in figure.axes:
         axes.apply_aspect()  # which may widen what is seen
         for axis in (axes.xaxis, axes.yaxis):
@@ -334,7 +334,7 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
 
 
 def titles_above(titles: Mapping[Axes, str]) -> None:
-    """Titles of axes beside each other at one height, above the legends that stand there."""
+    """Align the titles of adjacent axes, above their legends."""
     heights = [
         legend.get_window_extent().height * 72.0 / axes.figure.dpi
         for axes in titles

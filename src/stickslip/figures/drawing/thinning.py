@@ -1,11 +1,11 @@
 """Long motions on few pixels: the extremes and the fractions of the modes in every pixel column,
 and each piece of a curve once.
 
-A page has about a thousand pixels across; a motion may have millions of steps. What is drawn is
-bounded, and looks as if everything were drawn: M4 aggregation (Jugel, Jerzak, Hackenbroich and
-Markl, *M4: a visualization-oriented time series data aggregation*, Proc. VLDB Endow. 7 (2014)
-797-808) for lines, colours mixed by their share of the time for phases, and for curves in the plane
-one piece for all that run between the same pixels.
+A page is about a thousand pixels wide; a motion may have millions of steps. The number of plotted
+points is bounded, without a visible difference from plotting all: M4 aggregation (Jugel, Jerzak,
+Hackenbroich and Markl, *M4: a visualization-oriented time series data aggregation*, Proc. VLDB
+Endow. 7 (2014) 797-808) for lines, colours averaged over time for phases, and for curves in the
+plane one piece for all pieces between the same pixels.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Columns:
             last[where] = v[lasts]
 
     def lines(self) -> tuple[Array, dict[str, Array]]:
-        """Times and values of a line for each quantity: four points a column, what rises in it low
-        before high."""
+        """Times and values of a line for each quantity: four points per column, in increasing
+        columns the minimum before the maximum."""
         times = self.start + (self.end - self.start) * (np.arange(4 * COLUMNS) + 0.5) / (
             4 * COLUMNS
         )
@@ -215,7 +215,7 @@ class Curve:
         return x[first], y[first]
 
     def _pixel(self, x: Array, y: Array, pixels: int = PIXELS) -> Array:
-        """Numbers of pixels, below 2²⁸; what is far outside counts as the edge."""
+        """Pixel numbers, below 2²⁸; points far outside are moved to the edge."""
         places = (
             ((np.nan_to_num(v) - low) * (pixels / (size or 1.0)) + 7 * pixels)
             .clip(0, 16 * pixels - 1)

@@ -94,11 +94,11 @@ class Along:
         if self._sums:
             values = motion._values_without_outputs(clock, index)
         elif not self._of_state:
-            rows = motion._retraced.rows(clock, index)
-            values = {name: rows[:, row] for name, row in motion._rows.items()}
+            rows = motion.dense_output.rows(clock, index)
+            values = {name: rows[:, row] for name, row in motion.row_of.items()}
             motion._without_contact(values, index)
         elif not self._timed:
-            states = motion._retraced.states(clock, index)
+            states = motion.dense_output.states(clock, index)
             values = dict(zip(motion.system.declaration.state, states.T, strict=True))
         given = {**values, **motion.parameters, "t": times}
         return evaluated(self.formulas, given, len(times)).T

@@ -41,7 +41,7 @@ def discontinuities_of(motion: Trajectory) -> dict[int, Discontinuity]:
     """
     k = motion.knots
     index = motion._impacts
-    before = motion._states_at(k.time[index], index - 1)
+    before = motion.states_at(k.time[index], index - 1)
     first = k.region.shape[1]
     last = index.copy()
     for j in range(len(index) - 1, -1, -1):
@@ -71,7 +71,7 @@ def discontinuities_of(motion: Trajectory) -> dict[int, Discontinuity]:
 def jumps_of(motion: Trajectory) -> dict[int, Discontinuity]:
     """The declared jumps of a motion by their knots."""
     k = motion.knots
-    index = np.flatnonzero(np.any(motion._switches.jumped, axis=1)) + 1
-    before = motion._states_at(k.time[index], index - 1)
+    index = np.flatnonzero(np.any(motion.switches.jumped, axis=1)) + 1
+    before = motion.states_at(k.time[index], index - 1)
     pairs = zip(map(int, index), before, strict=True)
     return {i: Discontinuity(i, i, float(k.time[i]), y) for i, y in pairs}

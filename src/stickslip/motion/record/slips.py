@@ -91,7 +91,7 @@ def _way_along(motion: Trajectory, speed: ex.Expr, runs: Array) -> Array:
         half = 0.5 * np.diff(k.clock[begun : ended + 1])
         times = (k.clock[steps] + half)[:, None] + half[:, None] * nodes
         index = np.repeat(steps, NODES_OF_STEP)
-        states = motion._states_at(times.ravel() + k.origin, index)
+        states = motion.states_at(times.ravel() + k.origin, index)
         given = [np.full(len(index), motion.parameters[p]) for p in d.parameters]
         (rate,) = formula(np.array([*states.T, times.ravel() + k.origin, *given]))
         found[event] = np.sum(half[:, None] * weights * np.reshape(rate, times.shape))

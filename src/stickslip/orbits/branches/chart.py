@@ -52,7 +52,7 @@ class OutOfChart(StickslipError):
 
 @dataclass(frozen=True)
 class Extent:
-    """Range of a parameter, and what the start of a branch says about sizes.
+    """Range of a parameter, and scales from the start of a branch.
 
     Attributes
     ----------
@@ -94,8 +94,8 @@ def extent_of(closed: Closed, parameter: str, span: tuple[float, float]) -> Exte
 
 
 def _periods(closed: Closed, parameter: str, span: tuple[float, float]) -> list[float]:
-    """Periods of the drives at the ends of a range, as many as in the cycle; where they stand still
-    there is none."""
+    """Periods of the driven cycle at the ends of a range, without ends at which the drives are
+    constant."""
     setting = closed.shooting.setting
     found = list[float]()
     if setting.clock is None:
@@ -145,7 +145,7 @@ class Chart:
         return self.shooting.units(x, WIDTH * (self.extent.high - self.extent.low))
 
     def cycle(self, x: Array) -> Cycle:
-        """Everything that is said of the cycle of some unknowns."""
+        """The cycle of given unknowns, with its results."""
         key = x.tobytes()
         if key not in self.cycles:
             self.cycles[key] = make_cycle(self.closed(x))
@@ -190,14 +190,14 @@ class Chart:
 
     @property
     def on_edge(self) -> bool:
-        """Whether a contact is carried along an edge of where it rests."""
+        """Whether a contact is carried along at the edge of its interval of rest."""
         return any(h.edge for h in self.shooting.setting.held)
 
     def carried(self, x: Array, tangent: Array) -> float:
         """Distance by which contacts on an edge are carried in their direction of slip; 1 if none
         is on an edge.
 
-        Where it vanishes they are left behind, and keep their positions.
+        At a zero the contacts are released, and keep their positions.
         """
         shooting = self.shooting
         place = self.orbit(x).legs[0].place
@@ -211,7 +211,7 @@ class Chart:
         return float(min(moved, default=1.0))
 
     def tests(self, x: Array, tangent: Array) -> Mapping[Test, float]:
-        """Test functions of special points, and of what ends a branch."""
+        """Test functions of special points and of the ends of a branch."""
         closed = self.closed(x)
         orbit = closed.orbit
         self.check(orbit)
@@ -229,7 +229,7 @@ class Chart:
         }
 
     def check(self, orbit: Orbit) -> None:
-        """See that an orbit is a cycle of this chart.
+        """Check that an orbit is a cycle of this chart.
 
         Raises
         ------

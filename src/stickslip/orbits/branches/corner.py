@@ -2,11 +2,11 @@
 sequence.
 
 Up to the change the cycles solve one smooth problem, beyond it another, and the two curves meet at
-an angle that no short step bridges; the branch may even turn back (a fold that is not smooth). The
-corner is approached from this side in steps that shorten as it comes near, since neighbours of a
-cycle that is about to change have changed already. Just beyond it, the derivatives are those of the
-other problem, and their null vector is the direction to go on. If a contact sticks throughout on
-one side only, the other problem also says where it rests: where it does at the corner.
+an angle that short steps cannot pass; the branch may even turn back (a non-smooth fold). The corner
+is approached from this side with decreasing steps, since beyond it the sequence of neighbouring
+cycles has already changed. Just beyond the corner, the derivatives are those of the other problem,
+and their null vector is the new direction. If a contact sticks throughout on one side only, the
+other problem fixes its rest position to that at the corner.
 """
 
 from __future__ import annotations
@@ -105,13 +105,13 @@ class Corner:
     cycle : Cycle
         The cycle there.
     beside : array
-        Unknowns a little before, in the chart of this side.
+        Unknowns slightly before the corner, in the chart of this side.
     what : Happening
-        What changes.
+        Description of the change.
     turn : Residual
         Whether the parameter turns back.
     onward : Onward or None
-        None if no cycle continues from there.
+        Continuation of the branch; None if no cycle continues from the corner.
     """
 
     cycle: Cycle
@@ -247,7 +247,7 @@ def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:
     Raises
     ------
     Lost
-        If it is further than what is too short to count can hide.
+        If the distance exceeds the length below which phases are ignored.
     """
     if abs(length) > HIDDEN:
         raise Lost("the branches on both sides do not meet")
@@ -271,7 +271,7 @@ def _solved(chart: Chart, guess: Array, units: Array, tangent: Array) -> Array:
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
-    """Whether a test function changes its sign between two points."""
+    """Return whether a test function changes its sign between two points."""
     there = chart.tests(x, tangent * chart.scale(x))
     return any(value * point.tests[name] < 0.0 for name, value in there.items())
 
@@ -358,7 +358,7 @@ def _approach(
 
 
 def _well_inside(chart: Chart, x: Array) -> bool:
-    """Whether a cycle starts well inside its first phase, which is its last one, too."""
+    """Return whether a cycle starts well inside its first phase, which is also its last one."""
     motion = chart.orbit(x).motion
     k = motion.knots
     found = segments(motion)
@@ -416,11 +416,11 @@ def _onward(
 def _beyond_along(
     chart: Chart, x: Array, sense: Array, length: float, here: Sequence
 ) -> BeyondCorner | None:
-    """A cycle of another sequence at a distance from the corner, along a direction that fits the
-    chord to it.
+    """A cycle of another sequence at a distance from the corner, along a direction consistent with
+    the chord to it.
 
-    What is found first may have more switches than the trial that gave the direction: then the
-    direction is its own.
+    The first solution may have more switches than the trial that gave the direction; then its
+    tangent replaces the direction.
     """
     units = chart.scale(x)
     for _ in range(_DIRECTIONS):

@@ -3,8 +3,8 @@ of the sequence.
 
 The curve is followed in charts: coordinates around one state of the cycle, in units of its size.
 After some points the chart is renewed around the best state of the present cycle, and the direction
-of travel is carried over along the motion. No equation knows the sequence of modes; it is read off
-the motion, and where it changes between two points the change is located.
+of travel is carried over along the motion. The equations do not contain the sequence of modes; it
+is read from the motion, and if it changes between two points, the change is located.
 """
 
 from __future__ import annotations
@@ -92,8 +92,7 @@ _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the s
 
 @dataclass
 class _Event:
-    """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an
-    equilibrium."""
+    """An event on the branch: at a cycle, or at the equilibrium to which the cycles shrink."""
 
     what: Happening
     cycle: Cycle
@@ -103,7 +102,7 @@ class _Event:
 
 @dataclass
 class _Station:
-    """A point of the branch, what happens there, and how far it is from the one before."""
+    """A point of the branch, its events, and its distance from the previous point."""
 
     value: float
     cycle: Cycle
@@ -244,7 +243,7 @@ class _Follower:
             bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
             if bent is not None:
                 where = f"{self.parameter} = {bent.cycle.parameters[self.parameter]:.12g}"
-                if self._was_here(stations, bent):
+                if self._passed_before(stations, bent):
                     return Ending(
                         Stop.LOST,
                         f"the branch returns to {where} and would repeat without end; one of its "
@@ -282,7 +281,7 @@ class _Follower:
     # -- points ------------------------------------------------------------------------------------
 
     def _append(self, stations: list[_Station], chart: Chart, path: Path) -> None:
-        """Append the points of a path after its first, with what happens at and between them."""
+        """Append the points of a path after its first, with the events at and between them."""
         for i in range(1, len(path.points)):
             point = path.points[i]
             slope = float(point.tangent[-1] / point.units[-1])
@@ -295,8 +294,8 @@ class _Follower:
             self._add(stations, cycle, [found for found in happened if found])
 
     def _add(self, stations: list[_Station], cycle: Cycle, happened: list[Happening]) -> None:
-        """Append a cycle, unless it is the last one or not certified; what happens there is kept in
-        any case."""
+        """Append a cycle, unless it is the last one or not certified; its events are always
+        kept."""
         value = cycle.parameters[self.parameter]
         events = [_Event(found, cycle, value) for found in happened]
         step = self.spacing(stations[-1].cycle, cycle)
@@ -306,12 +305,12 @@ class _Follower:
             stations[-1].events += events
 
     def _left_behind(self, stations: list[_Station], chart: Chart, carried: float) -> Chart:
-        """Contacts that are no longer carried along keep their rest positions.
+        """Let contacts that are no longer carried along keep their rest positions.
 
         Parameters
         ----------
         carried : float
-            What is left there of the way by which they are.
+            Residual of the rate at which they are carried.
         """
         names = self.pieces.equations.labels
         for held in chart.shooting.setting.held:
@@ -324,8 +323,8 @@ class _Follower:
                 chart = chart.carrying(held.contact, 0)
         return chart
 
-    def _was_here(self, stations: list[_Station], bent: Corner) -> bool:
-        """Whether the branch has passed a corner before, which then is noted as a special point
+    def _passed_before(self, stations: list[_Station], bent: Corner) -> bool:
+        """Return whether the branch has passed a corner before; if so, note it as a special point
         that has not been solved for."""
         value = bent.cycle.parameters[self.parameter]
         near = _SAME * (self.span[1] - self.span[0])
@@ -342,7 +341,8 @@ class _Follower:
         return False
 
     def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> BeyondCorner | None:
-        """Append a corner and a point beyond it; None if the branch does not go on from there."""
+        """Append a corner and a point beyond it; None if the branch does not continue from the
+        corner."""
         onward = bent.onward
         if onward is not None and not self._continues(onward):
             onward = None
@@ -358,17 +358,17 @@ class _Follower:
         return onward
 
     def _continues(self, onward: BeyondCorner) -> bool:
-        """Whether a point beyond a corner is a cycle within the range.
+        """Return whether a point beyond a corner is a cycle within the range.
 
-        So near to the corner it need not be certified; the points after it have to be.
+        This close to the corner the point need not be certified; the following points must be.
         """
         orbit = onward.chart.orbit(onward.x)
         inside = self.span[0] <= float(onward.x[-1]) <= self.span[1]
         return inside and onward.chart.shooting.miss(orbit) <= CLOSED
 
     def _features(self, cycle: Cycle) -> Array:
-        """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the
-        state."""
+        """Features that distinguish cycles of a branch: parameter, period, and ranges relative to
+        the state."""
         part = cycle.parameters[self.parameter] / (self.span[1] - self.span[0])
         widths = [
             (high - low) / m
@@ -388,10 +388,10 @@ class _Follower:
             )
         if len(stations) > self.steps.most:
             return Ending(Stop.LIMIT, f"the limit of {self.steps.most} points was reached")
-        return _CLOSED if self._came_back(stations, before) else None
+        return _CLOSED if self._returned_to_start(stations, before) else None
 
     def _event_in_words(self, name: Test | None, stations: list[_Station]) -> str:
-        """What happens where a test function vanishes that ends the branch."""
+        """Describe the event at the zero of a test function that ends the branch."""
         cycle = stations[-1].cycle
         if name == "period":
             return f"the period grows without bound; it has reached {cycle.period:.6g}"
@@ -411,8 +411,8 @@ class _Follower:
         return f"{event.what.kind} at {self.parameter} = {event.value:.12g}: {event.what.note}"
 
     def _vanishes(self, stations: list[_Station], extent: Extent) -> bool:
-        """Whether a cycle that has become small shrinks to an equilibrium: where nothing else shows
-        that, the parameter has to approach its value there as the size does."""
+        """Return whether a small cycle shrinks to an equilibrium: without other evidence, the
+        parameter must approach its limit at the rate of the size."""
         if len(stations[-1].cycle.phases) == 1 or extent.least <= _TINY:
             return True
         return all(left.ok for left in self._vanished(stations).what.residuals)
@@ -471,8 +471,8 @@ class _Follower:
         ranges = cycle.ranges[:, 1] - cycle.ranges[:, 0]
         return float(np.max(ranges / self.extent.modulus))
 
-    def _came_back(self, stations: list[_Station], before: int) -> bool:
-        """Whether one of the steps since then has passed the start of the branch."""
+    def _returned_to_start(self, stations: list[_Station], before: int) -> bool:
+        """Return whether a step after the given point has passed the start of the branch."""
         if len(stations) <= 2 * _IN_CHART:
             return False
         start = self._features(self.cycle)
@@ -486,8 +486,8 @@ class _Follower:
         return False
 
     def _is_between(self, one: Cycle, other: Cycle) -> bool:
-        """Whether the start of the branch is as near to a cycle as the one before it is: cycles of
-        the same widths may be passed at other phases of a drive."""
+        """Return whether the start of the branch is as near to a cycle as the previous cycle is:
+        cycles of equal widths may occur at other phases of a drive."""
         near, apart = (
             other.closed.distance(np.array([*cycle.state.values()]), cycle.time)
             for cycle in (self.cycle, one)
@@ -513,7 +513,7 @@ class _Follower:
             special,
             ends,
             with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
-            _cycles=cycles,
+            cycles=cycles,
         )
 
     def _apart(self, found: list[_Station]) -> list[_Station]:

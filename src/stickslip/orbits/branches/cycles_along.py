@@ -165,12 +165,12 @@ def _extremes(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     for name in system.declaration.state:
         what = quantity(system, name)
         data[name] = _column((c.state[name] for c in cycles), **what)
-        if name in cycles[0]._visible_extrema:
-            ends = np.array([c._visible_extrema[name] for c in cycles])
+        if name in cycles[0].visible_extrema:
+            ends = np.array([c.visible_extrema[name] for c in cycles])
             data[f"min_{name}"] = _column(ends[:, 0], **what)
             data[f"max_{name}"] = _column(ends[:, 1], **what)
     for name in system.followed:
-        half = (0.5 * float(np.ptp(c._visible_extrema[name])) for c in cycles)
+        half = (0.5 * float(np.ptp(c.visible_extrema[name])) for c in cycles)
         data[f"amplitude_{name}"] = _column(half, **described(system, f"amplitude:{name}"))
     return data
 
@@ -196,7 +196,7 @@ def _peaks(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     for i, contact in enumerate(equations.contacts):
         if contact.plane > 1 or contact.side_of:
             continue  # the first component stands for both
-        peaks = [c._sums.peak[i] for c in cycles]
+        peaks = [c.sums.peak[i] for c in cycles]
         if contact.opens:
             what = quantity(system, contact.name)
             what = {**what, "long_name": f"largest {what.get('long_name', contact.name)}"}

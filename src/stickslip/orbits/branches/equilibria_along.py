@@ -37,9 +37,8 @@ _DEFECT = {"long_name": "violation of the equilibrium conditions, relative to th
 
 @dataclass(frozen=True)
 class Station:
-    """A point of the branch with the problem it solves, the test functions that vanish there, what
-    comes after, the largest values of those that end the part in its mode, and where the next part
-    begins."""
+    """A point of the branch, with its problem, the test functions that vanish there, and the
+    connection to the next piece."""
 
     steady: Steady
     point: Point

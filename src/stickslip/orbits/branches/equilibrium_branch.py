@@ -274,7 +274,7 @@ class _Follower:
         return Steady(mode_field(self.eq, mode, region), self.values, self.invariant, origin)
 
     def _certified(self, steady: Steady, path: Path) -> list[tuple[Certificate, float]]:
-        """Certificates of the points of a path, each with the one before it beside it."""
+        """Certificates of the points of a path; each is compared with the previous point."""
         points = np.array([self._point(steady, point.x) for point in path.points]).T
         beside = np.roll(points, 1, axis=1)
         beside[:, 0] = points[:, min(1, points.shape[1] - 1)]
@@ -342,8 +342,8 @@ class _Follower:
         return piece.steady.field.guards[test] if isinstance(test, int) else None
 
     def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
-        """The field on the other side of a guard and the direction in which an equilibrium goes on
-        there, if any."""
+        """The field on the other side of a guard and the direction in which the equilibrium
+        continues, if it does."""
         mode, region = switched(steady.field, guard.switch, guard.to)
         try:
             other = self._steady(mode, region, end.x[:-1])
@@ -499,8 +499,9 @@ class _Follower:
         return own
 
     def _crossing_of_branches(self, steady: Steady, x: Array) -> tuple[Array, float]:
-        """The branch point near x, and what is left of its equations, relative to their terms: F +
-        b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0 is not."""
+        """The branch point near x, and the residual of its equations, relative to their terms. The
+        extended system F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular at the branch point, whereas F
+        = 0 is singular."""
         n = len(steady.field.state)
         names = [*steady.field.state, self.parameter]
         w = [ex.sym(f"w:{i}") for i in range(n)]
@@ -587,7 +588,8 @@ def _pairs(count: int) -> tuple[Array, Array]:
 
 
 def _solved(found: Certificate) -> bool:
-    """Whether the equations are solved and the eigenvalues known; guards are test functions."""
+    """Return whether the equations are solved and the eigenvalues accurate; guards are left to the
+    test functions."""
     return found["equations"].ok and found["eigenvalues"].ok
 
 

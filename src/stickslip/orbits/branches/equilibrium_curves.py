@@ -220,7 +220,7 @@ class _Extended:
     least : array
         Least lengths that count in the unknowns; those of the parameters are their ranges.
     beside : function, optional
-        Of the unknowns: numbers to report of what is beside the curve.
+        Function of the unknowns: numbers to report for the other eigenvalues.
     """
 
     residual: ResidualFunction
@@ -252,7 +252,7 @@ class _Place:
 
     @property
     def certificate(self) -> Certificate:
-        """What was measured of it."""
+        """Residuals of the point."""
         return self.curve.certificate(self.x, self.problem)
 
     def test(self, test: Test) -> float:
@@ -276,7 +276,7 @@ class _Curve:
 
     @property
     def guards(self) -> list[str]:
-        """What each guard keeps."""
+        """Description of each guard."""
         field = self.steady.field
         return [describe_guard(self.equations, g, field.mode) for g in field.guards]
 
@@ -367,7 +367,7 @@ class _Curve:
     def beyond(
         self, path: Path, problem: _Extended, pose: _Pose, steps: StepControl
     ) -> Start[_Place] | None:
-        """Where the curve continues on the other side of the guard that has ended a stretch.
+        """Continuation of the curve on the other side of the guard that ended a piece.
 
         Parameters
         ----------
@@ -395,8 +395,8 @@ class _Curve:
         return None if tangent is None else curve.start(posed, tangent, steps)
 
     def certificate(self, x: Array, problem: _Extended) -> Certificate:
-        """That of the equilibrium, and what is left of the equations that keep its eigenvalue along
-        the curve."""
+        """Certificate of the equilibrium, with the residual of the conditions on its eigenvalue
+        along the curve."""
         # A component that is zero all along the curve, as a rate is, is known to the rounding of
         # what counts in it, not of itself.
         beside = np.where(problem.start == 0.0, problem.least, problem.start)

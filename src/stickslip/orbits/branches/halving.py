@@ -1,11 +1,11 @@
 """Cycles with half the period of another cycle.
 
-A cycle becomes one of half its period at the other end of a branch that begins in a period
-doubling.
+At the other end of a branch that emerges from a period doubling, a cycle becomes one of half its
+period.
 
-The two halves of a cycle that was born there differ like the square root of the distance from that
-point. Up to it its branch is regular; beyond, the same equations have the shorter cycle, run
-through twice, as a solution.
+Near that point the two halves of a cycle differ by the square root of the distance from it. Up to
+the point the branch is regular; beyond it, the solution of the same equations is the shorter cycle,
+traversed twice.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ def doubles_at(
     half : Closed
         The cycle at `value`.
     value, other : float
-        Where it is known, and where the multiplier is expected.
+        Value at which the cycle is known, and value at which the multiplier is expected.
     at : function
         (cycle, value) ↦ the cycle at another value.
 
     Returns
     -------
     (float, float) or None
-        The value, and what that multiplier plus 1 is there. None if there is no such value nearby.
+        The value, and the multiplier plus 1 there. None if there is no such value nearby.
     """
 
     def excess(there: float) -> float:

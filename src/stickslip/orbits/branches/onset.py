@@ -1,9 +1,9 @@
 """The distance of a cycle from the onset of stick: a function that changes its sign where a contact
 begins to stick.
 
-There are two ways. A contact that slips one way all the time slows down until its speed **touches**
-0; then it sticks for a moment. Or it **reverses** through speed 0 and its force at that moment
-comes down to the threshold. On the far side the margin is continued by what happens at the
+There are two cases. The speed of a contact that slips in one direction **touches** 0, and beyond
+the onset it sticks briefly. Or the contact **reverses** through speed 0, and its force at that
+moment decreases to the threshold. Beyond the onset the margin is continued by values at the
 beginning of the stick, so that its derivative is continuous.
 """
 

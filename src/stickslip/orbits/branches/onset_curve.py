@@ -1,8 +1,8 @@
-"""Curves in two parameters along which a cycle just begins to stick.
+"""Curves in two parameters along which a cycle begins to stick.
 
-Unknown are those of a cycle with one free parameter and the other parameter; one more equation says
-that the margin of the onset vanishes. The cycle may be unstable or at a fold: the curve does not
-see it.
+The unknowns are those of a cycle with one free parameter, and the other parameter; the additional
+equation is that the margin of the onset vanishes. The curve is regular also at unstable cycles and
+folds.
 """
 
 from __future__ import annotations
@@ -193,7 +193,8 @@ class _Equations:
         return self.at(float(z[-1])).orbit(z[:-1])
 
     def residual(self, z: Array) -> tuple[Array, Array]:
-        """Residual, and the derivative of the equations of the cycle by its own unknowns."""
+        """Residual, and the derivative of the equations of the cycle with respect to its
+        unknowns."""
         orbit = self.orbit(z)
         margin = self.onset.margin(orbit.motion, self.chart.shooting.pieces)
         if not np.isfinite(margin):

@@ -89,18 +89,18 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Break]:
 
 @dataclass(frozen=True)
 class _Passed:
-    """A change of the sequence that was found.
+    """A located change of the sequence.
 
     Attributes
     ----------
     x : array
-        The unknowns there.
+        Unknowns at the change.
     place, low, high : float
-        Where it is, and the places that enclose it, as distances from the first point.
+        Its position and a bracket of it, as distances from the first point.
     off : float
-        What is left of the margin that vanishes there; where none does, how closely it is enclosed.
+        Residual of the margin that vanishes there; without such a margin, the width of the bracket.
     here, there : Sequence
-        The sequences there.
+        The sequences on both sides.
     """
 
     x: Array
@@ -113,7 +113,7 @@ class _Passed:
 
 
 def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
-    """A change that lies between two others, or the ends of a step, with what is measured of it."""
+    """A change between two others, or between the ends of a step, with its residual."""
     chart = finder.chart
     kind, note = change_of(chart.shooting.pieces.equations, change.here, change.there)
     if kind == "stick onset":
@@ -136,12 +136,12 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
 
 
 def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array:
-    """Unknowns beside a change on the way to a place, where the sequence is that of this side.
+    """Unknowns just before a change, with the sequence of this side.
 
     Raises
     ------
     Lost
-        If it is so nowhere nearby.
+        If there are none nearby.
     """
     for aside in _ASIDE:
         x = finder.at(place + math.copysign(min(aside, 0.5 * abs(end - place)), end - place))
@@ -151,8 +151,8 @@ def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array
 
 
 def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
-    """How far apart both sides of a change are at a place, and how much further they are nearest:
-    they are followed there along their own directions."""
+    """Distance between both sides of a change at a place, and the distance to their nearest
+    approach, along the tangent of each side."""
     a = finder.a
     ends, ways = list[Array](), list[Array]()
     for x in sides:
@@ -299,7 +299,7 @@ class _Approach:
         self.look(at, value)
 
     def look(self, at: float, value: float) -> None:
-        """One more place, nearer than those before."""
+        """Evaluate at one more place, nearer than the previous ones."""
         self.end: float = at
         self.margin: float = abs(value)
         self._points = [*self._points[-2:], (self.margin, at)]
@@ -346,9 +346,9 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
     Parameters
     ----------
     x : array
-        The unknowns there.
+        Unknowns at the change.
     off : float
-        What is left of what vanishes there, or the distance between motions that enclose it.
+        Residual of the function that vanishes there, or the width of the bracket of the change.
     """
     if kind == "stick onset":
         motion, pieces = chart.orbit(x).motion, chart.shooting.pieces
@@ -361,8 +361,8 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:
-    """Whether a test function is zero on both sides, too, but for rounding: without damping that is
-    so all along."""
+    """Return whether a test function is zero on both sides up to rounding, as along a whole branch
+    without damping."""
     beside = path.points[max(crossing.index - 1, 0) : crossing.index + 2]
     return max(abs(point.tests[crossing.name]) for point in beside) < _FLAT
 
@@ -403,6 +403,6 @@ def critical(value: float, off: float) -> Residual:
 
 
 def turning(before: float, beyond: float) -> Residual:
-    """Whether the parameter turns back at a corner, from its slopes on both sides."""
+    """Return whether the parameter turns back at a corner, from its slopes on both sides."""
     turns = -math.copysign(min(abs(before), abs(beyond)), before * beyond)
     return Residual("turn of the parameter", turns, SOLVED_TO, least=True)

@@ -1,9 +1,9 @@
 """Curves F(x) = 0 of one dimension, followed by pseudo-arclength: predictor, corrector, step
 control, special points.
 
-Nothing here knows what x is: equilibria, cycles and the curves of their special points in two
-parameters are all followed by :func:`trace`. Lengths are measured in units that the caller gives
-for every component of x, so that a step means the same for a force, a temperature and a parameter.
+The code is independent of the meaning of x: :func:`trace` follows equilibria, cycles and the curves
+of their special points in two parameters. The caller supplies a unit for every component of x, so
+that step lengths are comparable for forces, temperatures and parameters.
 
 References
 ----------
@@ -70,7 +70,7 @@ class _Found(Exception):
 
 
 class Outgrown(StickslipError):
-    """The unknowns no longer suit the curve: it goes on in others."""
+    """The coordinates no longer suit the curve; it continues in others."""
 
 
 def curve_between(a: Point, b: Point, scale: Array, tangent: Array, along: float) -> Array:
@@ -144,14 +144,14 @@ def trace(
         Test functions that are positive on the curve and end it where they vanish, with the reason
         in words.
     limits : mapping of str to Limit, optional
-        Ends of the ranges of components, by the reason they give. The curve stops exactly there,
-        and the equations are not asked beyond but for what Newton's method and differences take.
+        Bounds of components, by the text of the ending. The curve stops exactly there; beyond, the
+        equations are evaluated only by Newton's method and for differences.
     accept : function, optional
         (last, new) ↦ None; raises any of :data:`NOT_DEFINED` if the new point solves the equations
         and is still not on the curve.
     breaks : function, optional
         (last, new) ↦ the breaks between two points, in the order of travel. Zeros of test functions
-        are looked for on every smooth part of its own.
+        are searched on every smooth part separately.
     steps : StepControl, optional
     progress : function, optional
         Called with each point, the first one included, in the order of travel.
@@ -159,7 +159,7 @@ def trace(
     Returns
     -------
     Path
-        Always; what was computed is kept, whatever ended it.
+        The points computed until the end, whatever its reason.
 
     Raises
     ------
@@ -326,7 +326,7 @@ class _Tracer:
         return None, min(step * max(wider, 0.5), self.steps.largest)
 
     def _left_at_once(self, last: Point) -> str:
-        """The limit that a point stands on and is about to leave."""
+        """The limit at which a point is, and which the next step would cross."""
         for name, limit in self.limits.items():
             speed = limit.side * last.tangent[limit.component]
             if limit.room(last.x) <= 0.0 and speed > 0.0:
@@ -334,7 +334,8 @@ class _Tracer:
         return ""
 
     def _within(self, path: Path, step: float) -> tuple[Point, str]:
-        """The next point, and the limit that it stands on, if a step leads there or beyond."""
+        """The next point, and the limit that the step reaches, if any; the step is then shortened
+        to the limit."""
         last = path.points[-1]
         near = (last, path.points[-2]) if len(path.points) > 1 else None
         ahead = [
@@ -377,7 +378,7 @@ class _Tracer:
         return bend
 
     def _closed(self, path: Path) -> bool:
-        """Whether the last step has passed the start."""
+        """Return whether the last step has passed the start."""
         if len(path.points) < 10:
             return False
         start = path.points[0]

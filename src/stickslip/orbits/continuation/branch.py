@@ -139,6 +139,8 @@ class Branch(Result):
         The largest value of every residual over its points and special points.
     second : str
         The other parameter of a curve in two parameters.
+    cycles : sequence of Cycle
+        The cycle at each point; empty for equilibria, and for a branch read from a file.
     """
 
     KIND: ClassVar[str] = "branch"
@@ -161,7 +163,7 @@ class Branch(Result):
     ends: tuple[Ending, Ending]
     certificate: Certificate
     second: str = ""
-    _cycles: Sequence[Cycle] = field(default=(), repr=False)
+    cycles: Sequence[Cycle] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         values = self.points[self.parameter].values
@@ -267,7 +269,7 @@ class Branch(Result):
     @classmethod
     def fields_of(cls, data: xarray.Dataset) -> dict[str, Any]:
         """The points, which a branch otherwise computes on first access."""
-        return {"_table": lambda: data, "_cycles": ()}
+        return {"_table": lambda: data, "cycles": ()}
 
 
 def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
@@ -276,14 +278,13 @@ def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
 
 
 def with_special(points: Certificate, special: Sequence[SpecialPoint]) -> Certificate:
-    """The certificate of a branch: that of its points, with what is left of the equations of its
-    special points."""
+    """Certificate of a branch: residuals of its points and of its special points."""
     own = worst([Certificate(_named(s)) for s in special])
     return replace(points, residuals=(*points.residuals, *own.residuals))
 
 
 def _named(point: SpecialPoint) -> tuple[Residual, ...]:
-    """The residuals of a special point under names that say of which."""
+    """Residuals of a special point, named after it."""
     where = f"at {point.parameter} = {point.value:.9g}"
     return tuple(
         replace(r, name=f"{point.kind}: {r.name}", note=", ".join(filter(None, (where, r.note))))

@@ -18,7 +18,7 @@ NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 
 
 class Lost(Exception):
-    """The corrector does not converge; the message says why."""
+    """The corrector does not converge; the message gives the reason."""
 
 
 def correct(

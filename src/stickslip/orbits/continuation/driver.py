@@ -1,11 +1,11 @@
 """The driver of all branches: piece by piece, in both directions, for any kind of solution.
 
 A branch of equilibria is followed mode by mode, one of cycles in coordinates about one of them that
-are renewed every few points. Each such stretch is a :class:`CurveProblem`, which
+are renewed every few points. Each such piece is a :class:`CurveProblem`, which
 :func:`~stickslip.orbits.continuation.arclength.trace` follows: equations with their derivatives
-(from which corrector and tangent are made), units, test functions, what ends the curve, and what a
-new point has to be beside a solution. Who follows a branch says where one begins (:class:`Start`),
-and, given the path on a stretch, where the next one begins or why the branch ends.
+(used by corrector and tangent), units, test functions, terminal conditions, and acceptance tests of
+new points. The caller supplies the first piece (:class:`Start`), and a function that maps the path
+on a piece to the start of the next piece, or to the reason why the branch ends.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Start(Generic[_T]):
     Attributes
     ----------
     of : object
-        What the stretch is one of: a mode, or coordinates.
+        Label of the piece: a mode, or coordinates.
     x, towards : arrays, shape (n + 1,)
     """
 
@@ -120,7 +120,7 @@ def told_of_points(listener: Tell | None, what: str) -> Iterator[Tell]:
 
 
 def named_points(tell: Tell, side: float, names: Sequence[str]) -> Callable[[object, Point], None]:
-    """Tells of points whose unknowns have these names."""
+    """Progress callback for points whose unknowns have these names."""
 
     def found(_: object, point: Point) -> None:
         tell(PointOnTheWay(side, dict(zip(names, point.x.tolist(), strict=True))))
@@ -134,19 +134,18 @@ def follow_branch(
     lost: str,
     found: Callable[[_T, Point], None] | None = None,
 ) -> Ending:
-    """Follow a curve in one direction until it ends; returns why it does.
-
-    Whatever ends it, what `onward` has kept until then is kept.
+    """Follow a curve in one direction until it ends; return the reason. Points stored by `onward`
+    are kept whatever ends the curve.
 
     Parameters
     ----------
     onward : function
         May raise any of :data:`~stickslip.orbits.continuation.arclength.NOT_DEFINED`.
     lost : str
-        What is said if something does.
+        Text of the ending in that case.
     found : function, optional
-        Called with what the stretch is one of and each point on it, as soon as it is found; where
-        one stretch ends the next one begins.
+        Called with the label of the piece and each new point; the last point of a piece is the
+        first of the next one.
     """
     try:
         while True:
@@ -179,15 +178,15 @@ def follow_branch(
 def both_ways(
     side: Callable[[float], tuple[list[_P], Ending]], first: float
 ) -> tuple[list[_P], list[_P], tuple[Ending, Ending]]:
-    """The pieces in both directions from the start, and the reasons for their ends.
+    """Follow a branch in both directions from its start.
 
     Parameters
     ----------
     side : function
-        sign ↦ what is found in a direction, the start first, and the end.
+        sign ↦ points in that direction, the start first, and the reason for the end.
     first : float
-        The direction that is followed first; if it leads back to the start, or is broken off, the
-        other one is not followed, and nothing is found there.
+        Sign of the direction that is followed first; if the curve returns to the start, or is
+        interrupted, the other direction is not followed.
     """
     one, end = side(first)
     if end.stop in (Stop.CLOSED, *BROKEN_OFF):
@@ -205,8 +204,8 @@ def joined(back: Sequence[_P], forth: Sequence[_P]) -> list[_P]:
 
 
 def step_after(path: Path, steps: StepControl) -> float:
-    """Length of the first step of the next stretch. Zeros of test functions that were located on
-    the way say nothing of it."""
+    """Length of the first step of the next piece. Located zeros of test functions are ignored,
+    since their steps are arbitrarily short."""
     located = path.located
     *others, last = path.points
     before = next(p for i, p in reversed([*enumerate(others)]) if i == 0 or i not in located)

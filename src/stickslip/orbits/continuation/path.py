@@ -157,9 +157,9 @@ class Break:
     Attributes
     ----------
     x, before, beyond : array, shape (n + 1,)
-        The unknowns there, and on both sides: where test functions are asked.
+        Unknowns at the break and on both sides, where test functions are evaluated.
     what : object
-        What is said of it by who knows the curve.
+        Description by the caller.
     """
 
     x: Array

@@ -1,8 +1,8 @@
 """The certificate of a cycle.
 
-The motion obeys its law, closes, moves, and does not close earlier; what is moved along a symmetry
-comes back as it was, what sticks forgets how it came there; and neighbours that are really followed
-do what the multipliers say.
+The motion satisfies its equations, closes, moves, and does not close earlier. Directions of
+symmetry have multipliers 1 and directions lost in stick multipliers 0, and simulated neighbouring
+motions agree with the multipliers.
 """
 
 from __future__ import annotations
@@ -41,17 +41,15 @@ def certify_cycle(closed: Closed) -> Certificate:
 
     The residuals are those of its motion, and
 
-    - *closure*: by how much the state fails to come back, up to the symmetry, in units of the size
-      of the cycle;
+    - *closure*: closure error of the state, up to the symmetry, in units of the size of the cycle;
     - *movement*: the largest range of a component relative to its modulus;
-    - *shorter period*: the least miss after the p-th part of the period, for all primes p that
-      might be the number of rounds (absent if there is none: a driven cycle of one period of its
-      drive);
-    - *multipliers 1*, *multipliers 0*: by how much what symmetry and sticking say of them is
-      missed, relative to the growth of changes on the way;
-    - *neighbours*: by how much motions that start beside the cycle, along the direction that grows
-      most and along another, miss what the derivative says, relative to the larger of the distances
-      before and after.
+    - *shorter period*: the smallest closure error after T/p, for all primes p that may divide the
+      period (absent if there are none, as for a driven cycle with the period of its drive);
+    - *multipliers 1*, *multipliers 0*: deviation from the exact values due to symmetry and stick,
+      relative to the growth of perturbations along the cycle;
+    - *neighbours*: difference between simulated motions near the cycle, perturbed along the
+      direction of largest growth and along another, and the prediction of the derivative, relative
+      to the larger of the distances before and after.
     """
     orbit, shooting = closed.orbit, closed.shooting
     most = max(1.0, largest_growth(orbit))

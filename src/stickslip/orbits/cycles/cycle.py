@@ -156,11 +156,11 @@ class Cycle(Result):
         sums = self.trajectory.audit.sums
         ends = zip(map(float, sums.low), map(float, sums.high), strict=True)
         found = dict(zip(self.system.declaration.state, ends, strict=True))
-        return found | self._visible_extrema
+        return found | self.visible_extrema
 
     @cached_property
-    def _visible_extrema(self) -> dict[str, tuple[float, float]]:
-        """The same but for modes of structures, of which it takes long where some are fast."""
+    def visible_extrema(self) -> dict[str, tuple[float, float]]:
+        """Extrema without modes of structures, whose extrema are expensive if some are fast."""
         audit = self.trajectory.audit
         modes = modes_of_structures(self.trajectory)
         own = np.ones(len(audit.known), dtype=bool)
@@ -220,7 +220,7 @@ class Cycle(Result):
     @cached_property
     def contacts(self) -> dict[str, ContactShare]:
         """Duration of stick and slip and dissipated energy of each contact in one period."""
-        return measure.contact_shares(self.trajectory, self._sums)
+        return measure.contact_shares(self.trajectory, self.sums)
 
     @cached_property
     def stick_time(self) -> float:
@@ -266,7 +266,7 @@ class Cycle(Result):
         return self.closed.shooting.miss(self.closed.orbit)
 
     @property
-    def _sums(self) -> Sums:
+    def sums(self) -> Sums:
         """Sums over the period, by contact."""
         return self.trajectory.audit.shares
 
@@ -590,8 +590,8 @@ def make_cycle(closed: Closed) -> Cycle:
 
 
 def _differentiable(closed: Closed) -> bool:
-    """Whether neighbours follow the same sequence: no events coincide that need not, and no guard
-    is touched."""
+    """Return whether neighbouring motions have the same sequence: no events coincide accidentally,
+    and no guard is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
     return bool(
         smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > GUARD_TOUCHED

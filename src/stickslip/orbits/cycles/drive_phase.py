@@ -22,14 +22,14 @@ _SAMPLES = 64  # of a drive in a period, for its first harmonic
 
 
 def read_drive(system: System, coordinate: str, drive: str | None = None) -> tuple[str, Expr]:
-    """What the phase of a coordinate, an unknown of a structure, an output or a formula is relative
-    to, in words and as a formula: what is asked for, the only drive of the system, or the force on
-    the coordinate; of anything else, the only force that depends on time.
+    """Reference of the phase of a coordinate, an unknown of a structure, an output or a formula, in
+    words and as a formula: the requested one, the only drive of the system, or the force on the
+    coordinate; for other quantities, the only force that depends on time.
 
     Raises
     ------
     DeclarationError
-        If what is asked for is not a formula, or there is no such force.
+        If the requested reference is not a formula, or there is no such force.
     """
     d = system.declaration
     if drive is not None:
@@ -74,7 +74,7 @@ def _only_force(system: System, of: str) -> tuple[str, Expr]:
 def phase_of_drive(
     system: System, drive: tuple[str, Expr], values: Mapping[str, float], period: float
 ) -> float:
-    """Phase of the first harmonic of a drive; the state stands still at 0.
+    """Phase of the first harmonic of a drive, evaluated at the state 0.
 
     Parameters
     ----------

@@ -84,9 +84,9 @@ def _found(
     from stickslip.motion.trajectory import Trajectory
 
     if isinstance(start, SpecialPoint):
-        from stickslip.orbits.cycles.hopf_switching import born_at
+        from stickslip.orbits.cycles.hopf_switching import emanating_cycle
 
-        return make_cycle(born_at(system, start, parameters))
+        return make_cycle(emanating_cycle(system, start, parameters))
     if isinstance(start, Cycle):
         if start.system != system:
             raise DeclarationError(
@@ -112,7 +112,7 @@ def _found(
 
 
 def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> Array:
-    """State vector of what was given."""
+    """State vector of the given start."""
     names = problem.system.declaration.state
     if start is None or isinstance(start, Mapping):
         return problem.initial_state(start or {})

@@ -1,10 +1,10 @@
-"""From a state, a motion or another cycle to the nearby cycle, or to the cycle to which the motion
-converges.
+"""Search for the cycle near a state, a motion or another cycle, or for the limit cycle of the
+motion.
 
-A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as every point of a
-map is; Newton's method then closes the cycle. That it rests is said where it is proved. What is
-said of a motion that has not settled in its time is what was seen: how nearly it comes back, and,
-if it is irregular, its largest Lyapunov exponent.
+A motion is followed until it has settled (:mod:`stickslip.orbits.settling`), as at every point of a
+map; Newton's method then closes the cycle. Rest is reported only if it is proved. For a motion that
+has not settled within its time, the message reports its closest return and, if it is irregular, its
+largest Lyapunov exponent.
 """
 
 from __future__ import annotations
@@ -135,14 +135,14 @@ def _extrapolated(
 
 
 def accepted(shooting: Shooting, x: Array) -> Closed:
-    """Close a cycle and see that it is the one that was meant, isolated, once around.
+    """Close a cycle and check that it is the requested one, isolated, and traversed once.
 
     Raises
     ------
     Family
-        If it belongs to a family, or the motion creeps towards the edge of one.
+        If the cycle belongs to a family, or the motion converges slowly to the boundary of one.
     ConvergenceError
-        If it does not close, or closes elsewhere.
+        If Newton's method does not converge, or converges elsewhere.
     """
     try:
         closed = converge(shooting, x)
@@ -180,8 +180,8 @@ def from_motion(motion: Trajectory) -> Closed:
     return _Search(motion.problem, k.state[-1], float(k.time[-1])).run(beside=False)
 
 
-def repels(closed: Closed) -> bool:
-    """Whether no motion settles on a cycle."""
+def is_unstable(closed: Closed) -> bool:
+    """Return whether a cycle is unstable."""
     return bool(np.any(np.abs(closed.spectrum.others) > 1.0 + _REPELS))
 
 
@@ -240,7 +240,7 @@ def _first_look(problem: Problem) -> float:
 
 
 class _Search:
-    """The cycle beside a state, or that the motion from there settles on."""
+    """Search for the cycle near a state, or the limit cycle of the motion from it."""
 
     def __init__(self, problem: Problem, state: Array, time: float) -> None:
         self.problem = problem
@@ -264,20 +264,22 @@ class _Search:
             return closed
         if not w.trajectory.outcome.ok:
             raise self._ended(w.trajectory.message)
-        fate, along = self._settle(w)
-        reached = self.time + fate.elapsed
-        if fate.outcome in (Outcome.AT_REST, Outcome.STEADY):
-            raise self._rests(reached, fate, along)
-        if fate.outcome is Outcome.PERIODIC:
+        settled, along = self._settle(w)
+        reached = self.time + settled.elapsed
+        if settled.outcome in (Outcome.AT_REST, Outcome.STEADY):
+            raise self._rests(reached, settled, along)
+        if settled.outcome is Outcome.PERIODIC:
             if not along.extent(np.max(np.abs(along.states), axis=0)) > _STILL:
-                raise self._rests(reached, fate, along)
-            closed = self._tried(along, [after(along, self.pieces, fate.period)])
-        elif fate.outcome is Outcome.UNDAMPED:
+                raise self._rests(reached, settled, along)
+            closed = self._tried(along, [after(along, self.pieces, settled.period)])
+        elif settled.outcome is Outcome.UNDAMPED:
             self._tried(w, earliest(w))
             raise self.failure if isinstance(self.failure, Family) else self._undamped()
-        elif fate.outcome is not Outcome.NOT_SETTLED:
-            raise self._ended(f"{fate.outcome.label} at t = {reached:.9g}: {fate.outcome.message}")
-        return closed or self._nearest(fate, w)
+        elif settled.outcome is not Outcome.NOT_SETTLED:
+            raise self._ended(
+                f"{settled.outcome.label} at t = {reached:.9g}: {settled.outcome.message}"
+            )
+        return closed or self._nearest(settled, w)
 
     def _window(self, time: float, state: Array, duration: float) -> Window:
         """The motion from a state, sampled."""
@@ -289,44 +291,44 @@ class _Search:
     def _settle(self, w: Window) -> tuple[Settled, Window]:
         """The attractor of a motion, and some periods of it; symmetries are determined again at the
         state that it reaches."""
-        fate = settle_motion(self.problem, self.time, self.state, w.symmetry, w.clock)
+        settled = settle_motion(self.problem, self.time, self.state, w.symmetry, w.clock)
         for _ in range(_ROUNDS):
-            if fate.outcome is not Outcome.PERIODIC:
+            if settled.outcome is not Outcome.PERIODIC:
                 break
-            along = self._window(fate.time, fate.state, _PERIODS * fate.period)
+            along = self._window(settled.time, settled.state, _PERIODS * settled.period)
             if alike(along.symmetry, w.symmetry):
-                return fate, along
+                return settled, along
             w = along
-            fate = settle_motion(self.problem, fate.time, fate.state, w.symmetry, w.clock)
-        return fate, w
+            settled = settle_motion(self.problem, settled.time, settled.state, w.symmetry, w.clock)
+        return settled, w
 
     def _beside(self, w: Window) -> Closed | None:
-        """The cycle, stable or not, that the motion starts beside."""
+        """The cycle, stable or not, near the start of the motion."""
         for recurrence in earliest(w):
             if recurrence.distance <= _NEARBY:
                 closed = self._try(w, recurrence)
                 # A motion that is brought to a cycle, as by a belt that carries it there, has not
                 # begun beside it.
                 if closed is not None and (
-                    not repels(closed) or closed.distance(self.state, self.time) <= _AGREES
+                    not is_unstable(closed) or closed.distance(self.state, self.time) <= _AGREES
                 ):
                     return closed
         return None
 
     def _tried(self, w: Window, found: Sequence[Recurrence]) -> Closed | None:
-        """The first cycle at some recurrences that does not repel: what repels only came near by
-        chance.
+        """The first cycle at some recurrences that is not unstable: a motion that returns near an
+        unstable cycle does so by chance.
 
         Raises
         ------
         Family
-            If the motion has settled on one of a family.
+            If the motion has settled on a cycle of a family.
         """
         for recurrence in found:
             closed = self._try(w, recurrence)
             if isinstance(self.failure, Family):
                 raise self.failure
-            if closed is not None and not repels(closed):
+            if closed is not None and not is_unstable(closed):
                 return closed
         return None
 
@@ -338,15 +340,16 @@ class _Search:
             self.failure = failure
             return None
 
-    def _nearest(self, fate: Settled, first: Window) -> Closed:
-        """The cycle near a motion that has not settled in its time, if it comes back nearly.
+    def _nearest(self, settled: Settled, first: Window) -> Closed:
+        """The cycle near a motion that has not settled within its time, if the motion nearly
+        returns.
 
         Raises
         ------
         ConvergenceError
-            If it does not; the message says what was seen.
+            If it does not; the message reports the observations.
         """
-        w = self._window(fate.time, fate.state, LAST_SPANS * self.span)
+        w = self._window(settled.time, settled.state, LAST_SPANS * self.span)
         if not w.trajectory.outcome.ok:
             raise self._ended(w.trajectory.message)
         found = latest(w, self.pieces)
@@ -361,21 +364,21 @@ class _Search:
                 return closed
         modulus = np.maximum(*(np.max(np.abs(part.states), axis=0) for part in (first, w)))
         extents = first.extent(modulus), w.extent(modulus)
-        until = self.time + fate.elapsed + LAST_SPANS * self.span
+        until = self.time + settled.elapsed + LAST_SPANS * self.span
         raise self._failed(until, found[-1] if found else None, extents, exponent)
 
-    def _rests(self, time: float, fate: Settled, w: Window) -> ConvergenceError:
+    def _rests(self, time: float, settled: Settled, w: Window) -> ConvergenceError:
         velocity = w.symmetry.frame
-        if fate.outcome is Outcome.STEADY and w.symmetry.shifts.shape[1]:
+        if settled.outcome is Outcome.STEADY and w.symmetry.shifts.shape[1]:
             # Along a translation, too.
             motion = follow_freely(
-                self.problem, fate.time, fate.time + _LOOK * self.span, fate.state
+                self.problem, settled.time, settled.time + _LOOK * self.span, settled.state
             )
             times, states = motion.knots.time[[0, -1]], motion.knots.state[[0, -1]]
             shift, size = states[1] - states[0], np.abs(states).max(axis=0)
             moved = np.abs(shift) > _STEADY * size
             velocity = ratio(np.where(moved, shift, 0.0), float(times[1] - times[0]))
-        return _at_rest(self.problem, time, fate.state, self.failure, velocity)
+        return _at_rest(self.problem, time, settled.state, self.failure, velocity)
 
     def _ended(self, message: str) -> ConvergenceError:
         return NoReturn(

@@ -46,14 +46,16 @@ class _Seed:
     period: float
 
 
-def born_at(system: System, point: SpecialPoint, parameters: Mapping[str, float] | None) -> Closed:
-    """A cycle of the family that begins in a Hopf point.
+def emanating_cycle(
+    system: System, point: SpecialPoint, parameters: Mapping[str, float] | None
+) -> Closed:
+    """A cycle of the family that emerges from a Hopf point.
 
     Raises
     ------
     DeclarationError
-        If the point is none, or stands on a switching boundary, or it is not clear which parameter
-        is meant.
+        If the point is not a Hopf point, or is on a switching boundary, or the parameter is
+        ambiguous.
     ConvergenceError
         If there is no such cycle at the given value of the parameter.
     """
@@ -189,9 +191,9 @@ class Vanishing:
         Of the parameter.
     equilibrium : array, shape (n,)
     growth : float
-        What is left of the real part of its eigenvalue, relative to the imaginary part.
+        Residual real part of its eigenvalue, relative to the imaginary part.
     moves : float
-        What is left of the rates of the state there, relative to those of the small cycle.
+        Residual rates of the state there, relative to those of the small cycle.
     """
 
     value: float

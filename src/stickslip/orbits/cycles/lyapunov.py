@@ -35,7 +35,7 @@ class Exponent:
 
     @property
     def irregular(self) -> bool:
-        """Whether neighbours part for certain."""
+        """Whether neighbouring motions certainly separate."""
         return self.value > _CERTAIN * self.error and self.value * self.time > _CERTAIN
 
     def __str__(self) -> str:
@@ -43,8 +43,8 @@ class Exponent:
 
 
 def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Exponent | None:
-    """Growth rate of a small change of the state along the end of a motion; None if the motion
-    forgets every change.
+    """Largest Lyapunov exponent along the end of a motion; None if all perturbations vanish in
+    finite time.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class Phase:
 
     @property
     def sticks(self) -> bool:
-        """Whether all contacts stick that are not open."""
+        """Whether all closed contacts stick."""
         rests = {0, IS_CLOSED}
         found = set(self.modes.values())
         return bool(found & rests) and found <= {*rests, IS_OPEN}
@@ -58,11 +58,11 @@ class ContactShare:
     Attributes
     ----------
     dissipated : float
-        Energy, without that of impacts.
+        Energy dissipated by friction, without impacts.
     open_time : float
-        Of a contact that can open; what is closed without friction slips.
+        Time during which the contact is open; closed without friction counts as slip.
     impact_loss : float
-        Energy that all contacts lose in its impacts.
+        Energy lost at all contacts in the impacts of this contact.
     """
 
     stick_time: float

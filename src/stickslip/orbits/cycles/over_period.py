@@ -1,11 +1,11 @@
 """Measures of quantities over a period: extremes, first harmonics, means.
 
-Quantities that are linear in the state with constant coefficients, as unknowns of structures are,
-follow from the state alone: their harmonics are sums of those of the state, and where inertial
-coordinates make them, they turn where their rates, which are states, pass through zero. Anything
-else is a formula that is computed along the motion: extremes are closed in on between samples,
-harmonics and means are integrals by Gauss quadrature whose panels are halved until that changes
-nothing. What turns twice between two samples may be missed.
+Quantities that are linear in the state with constant coefficients, such as unknowns of structures,
+follow from the state alone: their harmonics are sums of those of the state. If they are
+combinations of inertial coordinates, their extremes are at zeros of their rates, which are states.
+All other formulas are evaluated along the motion: extremes are bracketed between samples, harmonics
+and means are integrated by Gauss quadrature whose panels are halved until the result converges. A
+formula with two extremes between two samples may be missed.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def _where_rates_vanish(
         values = evaluated(moved, {**motion.parameters, "t": at}, len(at))
         return np.moveaxis(values.reshape(2, len(rests), -1), 2, 0)
 
-    states, added = motion._states_at(times, index), besides(times)
+    states, added = motion.states_at(times, index), besides(times)
     seen, slopes = states @ rows[:, 0] + added[:, 0], states @ rows[:, 1] + added[:, 1]
     low, high = np.min(seen, axis=0), np.max(seen, axis=0)
     # every turn of each of them, between two samples of a step
@@ -150,7 +150,7 @@ def _where_rates_vanish(
     a, b, f, g = times[at], times[at + 1], slopes[at, which], slopes[at + 1, which]
     for _ in range(_REFINED if len(at) else 0):
         middle = (a * g - b * f) / (g - f)
-        states, added = motion._states_at(middle, index[at]), besides(middle)
+        states, added = motion.states_at(middle, index[at]), besides(middle)
         more = added[np.arange(len(added)), :, which] if timed else added[0, :, which]
         value, h = np.einsum("tx,xkt->kt", states, rows[:, :, which]) + more.T
         np.minimum.at(low, which, value)
@@ -165,8 +165,8 @@ def _where_rates_vanish(
 def _closed_in_on(
     motion: Trajectory, formulas: Mapping[str, Expr], times: Array, index: Array
 ) -> Extremes:
-    """Extremes of any formulas: at samples, and around those beside which there may be lower
-    (higher) values, whose surroundings are cut until they are straight."""
+    """Extremes of any formulas: at samples, and in the neighbourhoods of samples that may contain
+    lower (higher) values, which are bisected until the formulas are linear in them."""
     along = Along(motion, [*formulas.values()])
     seen = along(times, index)
     size = np.maximum(np.max(np.abs(seen), axis=0), TINIEST)
@@ -248,15 +248,15 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         found = _of_linear_pieces(motion, shift, order)
         if found is not None:
             return found
-    c, change = _wave(motion, motion._states_at, shift, order)
+    c, change = _wave(motion, motion.states_at, shift, order)
     return c, float(np.max(change))
 
 
 def harmonics_of(
     motion: Trajectory, formulas: Mapping[str, Expr], of_state: Mapping[str, complex], order: int
 ) -> tuple[dict[str, complex], dict[str, float]]:
-    """The same of formulas, from those of the state, and by how much the last halving has changed
-    what does not follow from these.
+    """First harmonics of formulas, from those of the state where linear, and the change of the
+    remaining part by the last halving of the panels.
 
     Parameters
     ----------
@@ -338,7 +338,9 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     numbers = pieces.numbers(k.mode[steps], k.region[steps])
     # Steps of one piece, one after the other, are one.
-    changed = (np.diff(numbers) != 0) | (np.diff(steps) != 1) | np.isin(steps[1:], motion._leaps)
+    changed = (
+        (np.diff(numbers) != 0) | (np.diff(steps) != 1) | np.isin(steps[1:], motion.state_jumps)
+    )
     begins = np.r_[True, changed]
     firsts, lasts = steps[begins], steps[np.r_[begins[1:], True]]
     for i, j, number in zip(firsts, lasts + 1, numbers[begins].tolist(), strict=True):
@@ -380,8 +382,8 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
 
 
 def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
-    """The mean of a formula over a period, (1/T) ∫ f dt, and by how much the last halving of the
-    panels has changed it, relative to the largest value.
+    """The mean of a formula over a period, (1/T) ∫ f dt, and its change by the last halving of the
+    panels, relative to the largest value.
 
     Parameters
     ----------
@@ -441,10 +443,11 @@ def _averaged(
     order: int,
     kinks: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """(1/T) ∫ f w dt over a period, and by how much the last halving of the panels has changed it,
-    relative to the largest |f|; no numbers of what is undefined somewhere.
+    """(1/T) ∫ f w dt over a period, and its change by the last halving of the panels, relative to
+    the largest |f|; NaN for functions that are undefined somewhere.
 
-    Gauss quadrature on the steps, each cut into panels until half as long ones change nothing.
+    Gauss quadrature on the steps, each divided into panels that are halved until the result
+    converges.
 
     Parameters
     ----------

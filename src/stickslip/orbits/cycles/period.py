@@ -1,10 +1,10 @@
 """The shortest period of a cycle.
 
-A motion that nearly comes back after several periods leads Newton's method to a cycle of that
-length, which may be a shorter one run through again and again: complex multipliers make a later
-return look closer while the motion settles. So it is asked of the closed cycle, and at its own
-accuracy: T is the shortest period if after T/p the state is another one for every prime p. A cycle
-whose period has just doubled closes after half of it to 1e-6, a transient of that size is gone.
+Newton's method may find a cycle that traverses a shorter one several times: with complex
+multipliers, a later return of a settling motion may be closer than an earlier one. The test is
+therefore applied to the closed cycle, at its accuracy: T is the shortest period if the states after
+T/p differ from the first one for all primes p. A cycle just after a period doubling may close after
+half its period to within 1e-6; a transient of that size has decayed in the closed cycle.
 """
 
 from __future__ import annotations
@@ -43,8 +43,7 @@ def shorter(closed: Closed) -> dict[int, float]:
 
 
 def same(closed: Closed) -> float:
-    """Misses below this are none: they are not larger than what the state of the cycle is known
-    to."""
+    """Distance below which states are equal: the accuracy of the state of the cycle."""
     missed = closed.shooting.miss(closed.orbit)
     least = flattest(closed.shooting, closed.orbit)[0]
     return max(_SAME, _FLOOR * missed, ratio(_KNOWN * missed, least))
@@ -88,7 +87,7 @@ def _turning_points(closed: Closed) -> int:
     shift = closed.orbit.shift
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _SAMPLES, endpoint=False, axis=1).ravel()
-    states = closed.orbit.motion._states_at(times, np.repeat(steps, _SAMPLES))
+    states = closed.orbit.motion.states_at(times, np.repeat(steps, _SAMPLES))
     home = (
         states - np.outer((times - k.time[0]) / closed.orbit.period, shift)
     ) / closed.shooting.setting.sizes

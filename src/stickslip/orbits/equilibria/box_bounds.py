@@ -32,7 +32,7 @@ class Enclosures(NamedTuple):
     low, high : array, shape (m, N)
     slope_low, slope_high : array, shape (m, k, N)
     at_centre, at_centre_low : array, shape (m, N)
-        Upper and lower bounds at the centres; infinite where slopes say nothing of a box.
+        Upper and lower bounds at the centres; infinite if slopes give no bound on a box.
     """
 
     low: Array
@@ -150,8 +150,12 @@ def enclosed(
     )  # (k, m, 2, N)
     slope_low, slope_high = slope[:, :, 0].swapaxes(0, 1), slope[:, :, 1].swapaxes(0, 1)
     before, behind = low - middle, high - middle
-    up = np.maximum(times_way(slope_high, behind), times_way(slope_low, before))
-    down = np.minimum(times_way(slope_low, behind), times_way(slope_high, before))
+    up = np.maximum(
+        slope_times_distance(slope_high, behind), slope_times_distance(slope_low, before)
+    )
+    down = np.minimum(
+        slope_times_distance(slope_low, behind), slope_times_distance(slope_high, before)
+    )
     up, down = np.maximum(up, 0.0).sum(axis=1), np.minimum(down, 0.0).sum(axis=1)
     slack = LOOSE * (2 + len(of.names)) * (np.abs(at).max(axis=1) + np.maximum(up, -down))
     fine = np.all(value[:needed, 0] >= 0.0, axis=0)
@@ -175,19 +179,19 @@ def enclosed(
     )
 
 
-def times_way(slope: Array, way: Array) -> Array:
-    """Slopes times ways, where nothing times infinity is nothing."""
+def slope_times_distance(slope: Array, way: Array) -> Array:
+    """Products of slopes and distances, with 0 · ∞ = 0."""
     return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
 
 
 def touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes meet."""
+    """Return whether two boxes intersect."""
     pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
     return all(low <= high + _MEETS * (1.0 + abs(high)) for low, high in pairs)
 
 
 def is_within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
-    """Whether a state is in a box, or on its edge up to rounding."""
+    """Return whether a state is in a box, or on its boundary up to rounding."""
     return all(
         low - _MEETS * (1 + abs(low)) <= state[x] <= high + _MEETS * (1 + abs(high))
         for x, (low, high) in extent.items()

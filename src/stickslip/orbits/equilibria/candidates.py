@@ -94,8 +94,8 @@ def possible_modes(
 def _joined(
     opening: list[int], pressing: dict[int, list[int]]
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts that can open, with the friction under their normal forces: together where something
-    rubs under several."""
+    """Groups of contacts that can open, with the friction under their normal forces; joined if
+    friction depends on several of them."""
     groups = [({n}, {j for j, normals in pressing.items() if n in normals}) for n in opening]
     found = list[tuple[set[int], set[int]]]()
     for normals, rubbing in groups:

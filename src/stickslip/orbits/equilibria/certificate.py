@@ -1,8 +1,8 @@
 """The certificate of an equilibrium.
 
-It solves the equations, it lies inside its mode and region, and its eigenvalues are known to a
-bound: those of the exact Jacobian are within it of those that were computed, by the theorems of
-Bauer and Fike and of Elsner.
+The equations are solved, the guards of its mode and region hold, and the eigenvalues have an error
+bound: those of the exact Jacobian differ from the computed ones by at most this bound, by the
+theorems of Bauer and Fike and of Elsner.
 
 References
 ----------
@@ -38,15 +38,16 @@ def certify_equilibrium(
     point : array
         State and parameters.
     nearest : str
-        What is said of the guard with the least value.
+        Description of the guard with the smallest value.
     beside : array, optional
-        Another point of the same branch: what is large there is known no better here.
+        Another point of the same branch; terms that are large there increase the rounding errors
+        here.
 
     Returns
     -------
     Certificate
     float
-        By how much the eigenvalues may be wrong.
+        Error bound of the eigenvalues.
     """
     other = point if beside is None else beside
     return certify_equilibria(steady, point[:, None], other[:, None], nearest)[0]
@@ -86,7 +87,7 @@ def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Arra
     """Error bounds of the eigenvalues at equilibria, and sizes of the terms of the Jacobians,
     shapes (points,).
 
-    A Jacobian is known to the rounding of its terms: its own size, and what it changes by with the
+    A Jacobian is accurate up to the rounding of its terms, and its change over the rounding of the
     state.
     """
     n = sizes.shape[1]

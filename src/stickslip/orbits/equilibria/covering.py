@@ -32,15 +32,15 @@ class CoveredSet:
     Attributes
     ----------
     state : array, shape (states,)
-        A point well inside.
+        An interior point.
     inside : array, shape (states, points)
-        Points all over the set.
+        Points distributed over the set.
     error : float
-        How far the ends of the extent may be off, relative to the size of the set.
+        Error bound of the ends of the extent, relative to the size of the set.
     repeats : dict of str to float
-        Periods with which the set repeats.
+        Periods of the set, by state.
     undecided : int
-        Boxes beside it of which it is not known whether they are part of it.
+        Number of adjacent boxes that may or may not belong to the set.
     """
 
     state: Array
@@ -122,7 +122,7 @@ class _Covered:
                 self.repeats[x] = turn
 
     def point(self, translations: int) -> CoveredSets:
-        """Where nothing restricts what is free, if anything is: all such states, or none."""
+        """A set without conditions on the free states: all of them, or none."""
         isolated = self.reduced.dimension <= translations
         state = np.array([ex.evaluate(e, self.values) for e in self.formulas.values()]) + 0.0
         if not all(self._holds(e) for e in self.reduced.nonnegative):
@@ -133,7 +133,7 @@ class _Covered:
         return CoveredSets([part] if self._asked(extent) else [], isolated=isolated)
 
     def _holds(self, e: Expr) -> bool:
-        """Whether a condition without unknowns is met, up to rounding."""
+        """Return whether a condition without unknowns holds, up to rounding."""
         value = ex.evaluate(e, self.values)
         terms = e.terms if e.op == "sum" else ()
         size = sum(abs(c * ex.evaluate(term, self.values)) for term, c in terms)
@@ -186,13 +186,13 @@ class _Covered:
         }
 
     def _asked(self, extent: Mapping[str, tuple[float, float]]) -> bool:
-        """Whether a set reaches into the box."""
+        """Return whether a set intersects the box."""
         return all(
             extent[x][0] <= high and extent[x][1] >= low for x, (low, high) in self.box.items()
         )
 
     def _repeated(self, one: Ranges, other: Ranges) -> bool:
-        """Whether two sets are the same some periods later."""
+        """Return whether two sets agree up to a shift by multiples of the periods."""
         for x in self.states:
             turn = self.repeats.get(x, 0.0)
             with np.errstate(invalid="ignore"):

@@ -282,7 +282,7 @@ class Equilibria(Result):
         return (*self.isolated, *self.sets)[name]
 
     def contains(self, point: Mapping[str, float]) -> bool:
-        """Whether a point is one of the isolated equilibria, or in one of the sets.
+        """Return whether a point is one of the isolated equilibria, or in one of the sets.
 
         The conditions of rest are tested at the point, not the extents: a gap between two sets, or
         a hole in one, is not part of them. Parts of the same sets outside the searched region are
@@ -324,7 +324,7 @@ class Equilibria(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether there is any."""
+        """Whether an equilibrium was found."""
         return Completion.FINISHED if len(self) else Completion.NOTHING_FOUND
 
     @property
@@ -453,8 +453,8 @@ def _interval(name: str, low: float, high: float) -> str:
 
 
 def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
-    """Whether all (True) or not all (False) linear motions decay; None between the two, give or
-    take an error."""
+    """Return whether all (True) or not all (False) linear motions decay; None if the error bound
+    leaves it open."""
     if not eigenvalues:
         return True  # nothing is left that could move
     top = max(z.real for z in eigenvalues)

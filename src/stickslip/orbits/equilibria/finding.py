@@ -1,10 +1,10 @@
 """Equilibria: states of rest and of steady sliding, isolated or in sets, of any declared system.
 
 In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards
-of the mode hold. A contact whose surface moves must slip, one that nothing moves must stick; only
-contacts that a translation of the whole system can move are tried in all modes. In each region of
-the kinks a mode with an affine field is solved outright. In any other, sets are covered by boxes,
-and isolated equilibria are looked for by Newton's method from many starts.
+of the mode hold. A contact with a moving surface must slip, all others must stick; only contacts
+that move in a translation of the whole system are tried in all modes. In each region of the kinks,
+a mode with an affine field is solved directly. For all other modes, sets are covered by boxes, and
+isolated equilibria are searched by Newton's method from many starts.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def equilibria(
 
 
 def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
-    """Whether a point is an isolated equilibrium that was found, or in a set.
+    """Return whether a point is an isolated equilibrium that was found, or in a set.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class _Search:
         )
 
     def contains(self, found: Equilibria, point: Mapping[str, float]) -> bool:
-        """Whether a point is an isolated equilibrium, or in a set."""
+        """Return whether a point is an isolated equilibrium, or in a set."""
         rates = {f"d_{x}" for x in self.eq.declaration.inertial}
         for name in point:
             check_initial(self.system.declaration, name, point[name])
@@ -212,14 +212,15 @@ class _Search:
         return False
 
     def _is_at(self, one: Equilibrium, y: Array) -> bool:
-        """Whether a state is that of an isolated equilibrium, up to translation."""
+        """Return whether a state is that of an isolated equilibrium, up to translation."""
         there = np.array(list(one.state.values()))
         units = np.maximum(np.maximum(np.abs(y), np.abs(there)), _LEAST_UNIT)
         apart, along = (y - there) / units, self.invariant / units[:, None]
         return float(np.max(np.abs(apart - along @ (np.linalg.pinv(along) @ apart)))) <= _KNOWN
 
     def _is_in(self, one: EquilibriumSet, y: Array) -> bool:
-        """Whether a state meets the conditions of a set: of all sets of its modes, then."""
+        """Return whether a state satisfies the conditions of a set, and so those of all sets of its
+        modes."""
         for region in one.regions:
             if self._rests(one.mode):
                 conditions = all_stick(self.eq, one.mode, region, self.values)
@@ -261,7 +262,7 @@ class _Search:
         return list(dict.fromkeys(self._region(y) for y in self.starts.T))
 
     def _region(self, y: Array) -> Region:
-        """Region of a state, where what has no mass rests."""
+        """Region of a state in which coordinates without mass are at rest."""
         rates = {f"d_{x}": 0.0 for x in self.eq.declaration.coordinates}
         at = {**rates, **self.values, **self._named(y), "t": 0.0}
         at |= {name: ex.evaluate(speed, at) for name, speed in self.eq.speeds.items()}
@@ -295,7 +296,7 @@ class _Search:
             self._look_for_steady_motion(field)
 
     def _rests(self, mode: Mode) -> bool:
-        """Whether contacts stick in a mode, and nothing slides."""
+        """Return whether contacts stick in a mode, and none slides."""
         sticks = False
         for i, (c, m) in enumerate(zip(self.eq.contacts, mode, strict=True)):
             if c.opens or self.eq.is_loose(i, mode):
@@ -340,9 +341,10 @@ class _Search:
                 self._note_isolated(steady, y)
 
     def _cover(self, conditions: Conditions, mode: Mode, region: Region | None = None) -> bool:
-        """Note all sets of a mode, in a region or in all; whether there can be no others.
+        """Add all sets of a mode, in one region or in all; return whether these are proved to be
+        all.
 
-        In a region, where nothing is free, equilibria are isolated.
+        In a region without free states, equilibria are isolated.
         """
         if (mode, region) not in self.covered:
             self.covered[mode, region] = self._covered(conditions, mode, region)
@@ -425,10 +427,10 @@ class _Search:
         self.isolated.append(found)
 
     def _beyond(self, steady: Steady, y: Array) -> Array:
-        """Guards, relative to their terms, in excess of what they must be: slip needs some speed,
-        others may be zero.
+        """Margins of the guards, relative to their terms: the speed of a slip must be positive,
+        other guards may be zero.
 
-        A slip of speed zero is the edge of a stick, which is reported as that.
+        A slip of speed zero is at the boundary of a stick set, and is reported as part of it.
         """
         guards = steady.field.guards
         kinks = len(steady.field.kinks)
@@ -482,7 +484,8 @@ class _Search:
             return None
 
     def _note_set(self, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
-        """Note a polyhedron, or what can be followed of another set from a point inside."""
+        """Add a polyhedron, or the part of another set that can be followed from an interior
+        point."""
         n = len(self.state)
         exact = conditions.affine
         for _ in range(0 if exact else _POLISH):
@@ -545,9 +548,11 @@ class _Search:
         )
 
     def _join(self, new: EquilibriumSet, conditions: Conditions) -> None:
-        """Add a set of a region, joined with those of the same mode that it meets in others.
+        """Add a set of a region, joined with the sets of the same mode in other regions that it
+        intersects.
 
-        Whether polyhedra meet is a linear program; of others only on a line do extents tell.
+        A linear program decides whether polyhedra intersect; for other sets, extents decide only on
+        a line.
         """
         extent = new.extent
         joined: list[_Piece] = [(extent, conditions)]

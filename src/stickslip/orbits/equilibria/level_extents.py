@@ -14,7 +14,12 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.numerics.levels import LAST_DIGITS
-from stickslip.orbits.equilibria.box_bounds import Enclosures, centres, enclosed, times_way
+from stickslip.orbits.equilibria.box_bounds import (
+    Enclosures,
+    centres,
+    enclosed,
+    slope_times_distance,
+)
 from stickslip.orbits.equilibria.level_sets import FURTHEST, MOST_CORNERED, Components
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures
@@ -85,7 +90,7 @@ class _Extents:
         return (self.sign * middle).reshape(shape) + 0.0, gap.reshape(shape)
 
     def _goal(self) -> Enclosures:
-        """On each box, the expression of its task, with the sign: the row that is asked for."""
+        """Signed expression of the task of each box."""
         found = enclosed(self.expressions, self.of, self.low, self.high)
         which, every = self.which[self.task], np.arange(len(self.task))
         up = self.sign[self.task] > 0.0
@@ -111,7 +116,7 @@ class _Extents:
         hold more."""
         before = self.high - self.low
         edge = np.flatnonzero(~self.inside)
-        self._look_higher()
+        self._shrink_to_improve()
         empty = np.any(self.low > self.high, axis=0)
         edge = edge[~empty[edge]]
         if len(edge):
@@ -145,7 +150,7 @@ class _Extents:
         far = far > FURTHEST * self.of.unit[:, None]
         return np.where(np.isinf(ends), far, self.high - self.low <= least)
 
-    def _look_higher(self) -> None:
+    def _shrink_to_improve(self) -> None:
         """Shrink boxes to where more can be than was met."""
         goal = self._goal()
         best = self.best[self.task]
@@ -208,7 +213,10 @@ def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array
     that holds no such point comes back with low above high."""
     middle = centres(low, high)
     before, behind = low - middle, high - middle
-    gains = np.maximum(times_way(found.slope_high, behind), times_way(found.slope_low, before))
+    gains = np.maximum(
+        slope_times_distance(found.slope_high, behind),
+        slope_times_distance(found.slope_low, before),
+    )
     gains = np.maximum(gains, 0.0)  # (m, k, N): what each unknown can add
     total = gains.sum(axis=1)
     for i in range(len(low)):

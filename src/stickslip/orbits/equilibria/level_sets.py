@@ -1,12 +1,12 @@
 """Connected components of a set {G ≥ 0} in a few unknowns, proved by branch and bound.
 
 The whole space is divided into boxes. An enclosure of every G on a box, natural or by the mean
-value theorem, proves it inside or outside the set; what remains are boxes on the *edge*. A box on
-the edge belongs to one component if there is a direction in which no G that may be negative there
-decreases: from a point of the set in it a straight line then stays in the set until it leaves the
-box, and if the boxes on that side are inside, or belong to a component already, the point is in
-that component. Boxes are divided until each belongs to one, so that components are neither joined
-nor missed; what is left at the limit of boxes is undecided and is said to be so.
+value theorem, proves the box inside or outside the set; the remaining boxes are on the *edge*. A
+box on the edge belongs to one component if there is a direction in which no G that may be negative
+there decreases: a straight line from any of its points in the set then stays in the set until it
+leaves the box, and if the boxes on that side are inside, or belong to a component already, the
+point is in that component. Boxes are divided until each belongs to one component, so that
+components are neither joined nor missed; boxes that remain at the limit are reported as undecided.
 
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """
@@ -29,7 +29,7 @@ from stickslip.orbits.equilibria.box_bounds import (
     domain,
     enclosed,
     far_out,
-    times_way,
+    slope_times_distance,
 )
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures
@@ -58,8 +58,8 @@ class LevelSet:
     values : mapping of str to float
         Values of all other names.
     core : array, shape (2, k)
-        Ranges of the unknowns: components that have points in them are asked for, with all that
-        they have outside.
+        Ranges of the unknowns: all components that intersect them are computed, including their
+        parts outside.
     """
 
     conditions: tuple[Expr, ...]
@@ -69,7 +69,7 @@ class LevelSet:
 
     @cached_property
     def _all(self) -> list[Expr]:
-        """The conditions, and before them what must be nonnegative where they are defined."""
+        """The conditions, preceded by the expressions that are nonnegative in their domains."""
         return list(dict.fromkeys([*self._domains, *self.conditions]))
 
     @cached_property
@@ -107,8 +107,8 @@ class LevelSet:
 
     @cached_property
     def _combined(self) -> list[Expr]:
-        """Sums of conditions in which all unknowns but one have no linear terms: far out these are
-        negative where no condition is by itself."""
+        """Sums of conditions in which the linear terms of all unknowns but one cancel: far out, a
+        sum may be negative although no single condition is."""
         found: list[Expr] = []
         numbers = {name: ex.num(value) for name, value in self.values.items()}
         plain = [ex.substitute(e, numbers) for e in self.conditions]
@@ -126,11 +126,11 @@ class LevelSet:
         return found if len(found) <= _MOST_ROWS else []
 
     def _linear(self, e: Expr, x: str) -> float:
-        """The number with which an unknown stands in a sum."""
+        """Coefficient of an unknown in a sum."""
         return sum(c for term, c in e.terms if term is ex.sym(x)) if e.op == "sum" else 0.0
 
     def holds(self, points: Array) -> Array:
-        """Whether all conditions are surely met at points of shape (k, N)."""
+        """Return whether all conditions are proved to hold at points of shape (k, N)."""
         found = enclosures(self._all, self.ranges(points, points))
         return np.all([np.broadcast_to(box[0], points.shape[1]) >= 0.0 for box in found], axis=0)
 
@@ -273,15 +273,18 @@ class _Covering:
         outside = np.any(found.high < 0.0, axis=0) | self._between_outsides(low, high)
         self.inside[new] = ~np.any(unsure, axis=0) & ~outside
         width = high - low
-        self.own[:, new] = own = self._uphill(found, unsure, width)
+        self.own[:, new] = own = self._ascent(found, unsure, width)
         for j, d in enumerate([*self.directions[:, :, None], own]):
             ways = d * np.where(d == 0.0, 0.0, width)
-            rates = np.minimum(times_way(found.slope_low, ways), times_way(found.slope_high, ways))
+            rates = np.minimum(
+                slope_times_distance(found.slope_low, ways),
+                slope_times_distance(found.slope_high, ways),
+            )
             least = rates.sum(axis=1) - 4.0 * LOOSE * np.abs(rates).sum(axis=1)
             risen = np.all(~unsure | (least >= 0.0), axis=0) & np.any(ways != 0.0, axis=0)
             self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
-        change = np.where(unsure[:, None], times_way(steep, width), 0.0)
+        change = np.where(unsure[:, None], slope_times_distance(steep, width), 0.0)
         change = np.where(np.isfinite(change), change, 0.0)
         most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
         part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
@@ -291,9 +294,9 @@ class _Covering:
         self.smear[new] = np.argmax(part, axis=0)
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
 
-    def _uphill(self, found: Enclosures, unsure: Array, width: Array) -> Array:
-        """A direction in each box, in units of its widths, in which what is unsure rises: between
-        the slopes of all that is; 0 if there is none."""
+    def _ascent(self, found: Enclosures, unsure: Array, width: Array) -> Array:
+        """A direction in each box, in units of its widths, in which undecided conditions increase:
+        the sum of their normalised slopes; 0 if there is none."""
         slope = np.where(unsure[:, None], (0.5 * found.slope_low + 0.5 * found.slope_high), 0.0)
         slope = np.where(slope == 0.0, 0.0, slope * width)
         size = np.linalg.norm(slope, axis=1, keepdims=True)
@@ -302,8 +305,8 @@ class _Covering:
         return np.where(np.all(np.isfinite(total), axis=0), total, 0.0)
 
     def _between_outsides(self, low: Array, high: Array) -> Array:
-        """Whether boxes are between neighbouring numbers, of which neither is in the set: at a jump
-        a formula has one of two values, and none between them."""
+        """Return whether boxes are between neighbouring floating-point numbers neither of which is
+        in the set: at a jump a formula has one of two values, and none between them."""
         gone = np.zeros(low.shape[1], bool)
         for i in range(len(low)):
             thin = np.flatnonzero((high[i] <= np.nextafter(low[i], math.inf)) & ~gone)
@@ -484,8 +487,8 @@ class _Covering:
         return np.where(known, new[np.where(known, label, 0)], label)
 
     def _faces(self, a: Array, b: Array) -> Array:
-        """The unknown across which b is beside a, from 1, negative if it is below; 0 if they touch
-        in less than a face."""
+        """The unknown, numbered from 1, normal to the common face of a and b, negative if b is
+        below; 0 if they have no common face."""
         above = self.high[:, a] == self.low[:, b]
         below = self.low[:, a] == self.high[:, b]
         between = above | below

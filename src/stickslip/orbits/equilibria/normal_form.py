@@ -23,7 +23,7 @@ _DEGENERATE = 1e-9  # a coefficient this small, relative to the terms it is made
 
 @dataclass(frozen=True)
 class Hopf:
-    """A pair of imaginary eigenvalues ±iω and what becomes of it.
+    """A pair of imaginary eigenvalues ±iω, with the first Lyapunov coefficient.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Hopf:
         First Lyapunov coefficient l₁ for the eigenvector q with ⟨q, q⟩ = 1 (modulo translation): on
         the centre manifold ζ' = iωζ + c ζ|ζ|² + ..., y = ζq + ζ̄q̄ + ..., l₁ = Re(c)/ω.
     size : float
-        Size of the terms l₁ is the sum of.
+        Sum of the moduli of the terms of l₁.
     vector : array of complex, shape (states,)
         q.
     """
@@ -45,8 +45,8 @@ class Hopf:
 
     @property
     def criticality(self) -> str:
-        """Whether the cycle is born stable (supercritical) or unstable (subcritical), in the centre
-        manifold."""
+        """Whether the emanating cycle is stable (supercritical) or unstable (subcritical), in the
+        centre manifold."""
         if not abs(self.lyapunov) > _DEGENERATE * self.size:
             return "degenerate"
         return "supercritical" if self.lyapunov < 0.0 else "subcritical"

@@ -1,6 +1,6 @@
 """Conditions of rest, reduced to as few unknowns as possible.
 
-Equations that are linear in an unknown, with a coefficient that is nowhere zero, are solved for it:
+Equations that are linear in an unknown, with a coefficient that has no zeros, are solved for it,
 forces first. Forces that remain, because more contacts stick than there are directions, are
 eliminated from the inequalities by Fourier–Motzkin elimination. Translations that leave the system
 unchanged are removed by fixing one state for each.
@@ -170,7 +170,7 @@ class _Elimination:
         self.given[x] = value
 
     def _vanishes(self, e: Expr) -> bool:
-        """Whether an equation without unknowns holds up to rounding."""
+        """Return whether an equation without unknowns holds up to rounding."""
         terms = list(e.terms) if e.op == "sum" else [(e, 1.0)]
         parts = [float(e.value) if e.op == "sum" else 0.0]
         parts += [c * ex.evaluate(term, self.values) for term, c in terms]

@@ -1,4 +1,4 @@
-"""Zeros of smooth equations from many starts at once."""
+"""Zeros of smooth equations from many starts simultaneously."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Sets of equilibria {F(y) = 0, G(y) ≥ 0}: their conditions, points well inside, and extents.
+"""Sets of equilibria {F(y) = 0, G(y) ≥ 0}: their conditions, interior points, and extents.
 
-With dry friction a system comes to rest anywhere in a set. If F and G are affine in each region of
-the kinks, a set is a union of polyhedra: extents are linear programs, and so is whether two
-polyhedra meet. Otherwise sets are covered by boxes (:mod:`.level_sets`), in as few unknowns as the
-conditions can be said in (:mod:`.reduction`). Where there are no such formulas, an extent is
-followed from a point inside by constrained optimisation, and proves nothing about other parts.
+With dry friction a system may come to rest anywhere in a set. If F and G are affine in each region
+of the kinks, a set is a union of polyhedra: extents, and tests of intersection, are linear
+programs. Otherwise sets are covered by boxes (:mod:`.level_sets`), after reduction of the
+conditions to as few unknowns as possible (:mod:`.reduction`). Without such formulas, an extent is
+computed from an interior point by constrained optimisation, which proves nothing about other parts.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ class Conditions:
     states: tuple[str, ...]
 
     def centre(self, start: Array) -> Array | None:
-        """A point well inside the set, or None if none is found (if affine: if the set is empty).
+        """An interior point of the set, or None if none is found (if affine: if the set is empty).
 
-        The depth of a point is its least distance to a boundary, as far as slopes tell; more than 1
-        is not asked for.
+        The depth of a point is its smallest distance to a boundary, estimated from slopes; it is
+        bounded by 1.
         """
         _, slopes = self.guards(start)
         lengths = np.linalg.norm(slopes, axis=1)
@@ -97,12 +97,12 @@ class Conditions:
         return self.equations.affine and self.guards.affine
 
     def affine_by_regions(self, kinks: Iterable[Expr]) -> bool:
-        """Whether the set is a polyhedron in each region of the kinks, which are left in place."""
+        """Return whether the set is a polyhedron in each region of the kinks."""
         free = frozenset(self.unknowns)
         return all(_affine_pieces(e, free) for e in (*self.equal, *self.nonnegative, *kinks))
 
     def meets(self, other: Conditions) -> bool:
-        """Whether two polyhedra of the same states have a point in common."""
+        """Return whether two polyhedra of the same states have a point in common."""
         own = {x: ex.sym(f"other {x}") for x in other.unknowns if x not in self.states}
         also = [[ex.substitute(e, own) for e in part] for part in (other.equal, other.nonnegative)]
         both = Conditions(
@@ -233,7 +233,7 @@ def _optimum(
 
 
 def _affine_pieces(e: Expr, unknowns: frozenset[str]) -> bool:
-    """Whether an expression is affine in each region of its kinks."""
+    """Return whether an expression is affine in each region of its kinks."""
     if any(n.op != "select" and ex.has_pieces(n) and n.symbols & unknowns for n in ex.walk([e])):
         return False
     guards = {n.args[0] for n in ex.walk([e]) if n.op == "select"}
@@ -252,7 +252,7 @@ def unguarded(e: Expr) -> frozenset[str]:
 
 
 def at_rest(equations: MotionEquations, e: Expr) -> Expr:
-    """An expression where nothing moves."""
+    """An expression at rest."""
     names = [f"d_{x}" for x in equations.declaration.coordinates]
     names += [f"speed:{i}" for i in range(len(equations.contacts))]
     return ex.substitute(e, dict.fromkeys(names, ex.ZERO), undefined=True)
@@ -323,8 +323,8 @@ def all_stick(
 
 
 def dimension(conditions: Conditions, states: int, point: Array) -> int:
-    """Dimension of the set in the state space, near a point: forces that the state leaves open do
-    not count."""
+    """Dimension of the set in the state space, near a point; forces that the state does not
+    determine do not count."""
     _, slopes = conditions.equations(point)
     size = np.max(np.abs(slopes), axis=1, keepdims=True, initial=0.0)
     scaled = slopes / np.where(size > 0.0, size, 1.0)

@@ -92,7 +92,7 @@ class MovingFrame:
             return None
 
     def full(self, values: Mapping[str, float]) -> Array:
-        """The same of all components of the state, shape (n,); 0 if there is none."""
+        """Velocity of the frame for all components of the state, shape (n,); 0 if there is none."""
         found = self.velocity(values)
         moved = {} if found is None else dict(zip(self.states, found, strict=True))
         names = self.equations.declaration.state
@@ -322,8 +322,8 @@ def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
 
 
 def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:
-    """How many times a system repeats while its drives advance by given multiples of a quarter
-    period.
+    """Number of periods of a system in one period of its drives, tested by advancing the drives by
+    multiples of a quarter period.
 
     The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
     """

@@ -103,7 +103,7 @@ class Listing:
     def _add(
         self, moves: bool, operation: int, a: int, b: int = 0, number: float = 0.0, out: int = -1
     ) -> int:
-        """One more instruction, whose result has a place of its own, or `out`; returns that."""
+        """Append an instruction with the result in a new place, or in `out`; returns the place."""
         if out < 0:
             out = self.places
             self.places += 1

@@ -1,20 +1,20 @@
 """Shifts of time and state that leave formulas unchanged, from the structure of the formulas.
 
-Time and state stand in them in *phases*, the arguments of what repeats, and in *lines*, evenly and
-outside of anything that repeats:
+Time and state occur in *phases*, the arguments of periodic functions, and in *lines*, linear terms
+outside of periodic functions:
 
     lines  α t + β·y,  as in k(Vt − x);      phases  ν t + κ·y, in periods,  as in sin(2πx/a).
 
-A shift (τ, ξ) of (t, y) leaves every formula unchanged if it leaves the lines as they are and turns
+A shift (τ, ξ) of (t, y) leaves every formula unchanged if it leaves the lines unchanged and shifts
 the phases by whole periods:
 
     α τ + β·ξ = 0,      ν τ + κ·ξ a whole number.
 
-With 0 as that number these are the shifts and the moving frame of a system that is unchanged by
-shifts of any size. If it is another one, they come in steps: a tip that is pulled over a lattice of
-distance a at the speed V is the same a later in space and a/V later in time. The frame that goes
-with both is the same, τ = 1 in the lines: there a pull is a drive whose waves are the phases.
-This is sufficient, not necessary: what else is in a formula may not change at all.
+If this number is 0, the shifts may have any size, and define translations and a moving frame.
+Otherwise they are discrete: a tip pulled over a lattice of spacing a at the speed V is invariant
+under shifts by a in space and a/V in time. In both cases the frame is τ = 1 in the lines; in this
+frame a pull is a drive whose waves are the phases. The conditions are sufficient, not necessary:
+terms may cancel in other ways.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Reading:
     lines, phases : list of dict of str to Expr
         Slopes by name, of phases in periods.
     terms : list of Expr
-        In which each line stands, as a person would point at it.
+        Term that contains each line, for messages.
     """
 
     lines: list[Slopes]
@@ -56,7 +56,7 @@ class Reading:
     terms: list[Expr]
 
     def velocity(self, states: list[str], values: Mapping[str, float]) -> Array | None:
-        """Velocity of a frame in which time occurs only in phases; None if there is none."""
+        """Velocity of a frame in which time occurs only in phases; None if no such frame exists."""
         if not any("t" in line for line in self.lines):
             return np.zeros(len(states))
         table = self._table(["t", *states], values)
@@ -86,15 +86,15 @@ class Reading:
         )[0]
 
     def shifts(self, states: list[str], values: Mapping[str, float]) -> Array:
-        """Shifts of some states, of any size, that leave lines and phases as they are, whatever the
-        constants are; shape (states, shifts).
+        """Shifts of some states, of any size, that leave lines and phases unchanged for all values
+        of the constants; shape (states, shifts).
 
         Parameters
         ----------
         states : list of str
             Those that may be shifted.
         values : mapping of str to float
-            Numbers for the constants that are in no relation to each other.
+            Generic values of the constants, without relations between them.
         """
         own = frozenset(states)
         rows = [
@@ -107,8 +107,9 @@ class Reading:
         kept = [k for k, shift in enumerate(found.T) if _leaves(rows, states, shift)]
         return found[:, kept]
 
-    def winds(self, states: list[str], values: Mapping[str, float]) -> bool:
-        """Whether some shift of the state alone leaves the lines as they are, and turns a phase."""
+    def changes_phase(self, states: list[str], values: Mapping[str, float]) -> bool:
+        """Return whether some shift of the state alone leaves the lines unchanged, and changes a
+        phase."""
         return bool(np.any(self._turned(states, values)[2]))
 
     def cells(self, states: list[str], values: Mapping[str, float]) -> Array:
@@ -149,7 +150,7 @@ class Reading:
         return phases, free, np.where(np.abs(turned) > MAKES_UP * terms, turned, 0.0)
 
     def timed(self) -> Expr:
-        """A term with a line in which time stands, to be named where no frame makes up for it."""
+        """A term with a line in time that no frame compensates, for messages."""
         found = [e for line, e in zip(self.lines, self.terms, strict=True) if "t" in line]
         return min(found, key=lambda e: len(e.symbols))
 
@@ -163,14 +164,13 @@ class Reading:
 
 
 def _kernel(matrix: Array) -> Array:
-    """Basis of what a matrix maps to zero, shape (columns, vectors)."""
+    """Basis of the null space of a matrix, shape (columns, vectors)."""
     _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1, matrix.shape[1]))]))
     return v[int(np.sum(s > MAKES_UP * s[0])) if len(s) else 0 :].T
 
 
 def _echelon(directions: Array) -> Array:
-    """The one basis of what some directions span in which each begins with a 1 where all others are
-    0, in order; shape (n, directions)."""
+    """Reduced echelon basis of the span of some directions; shape (n, directions)."""
     rows = directions.T.copy()
     done = 0
     for j in range(rows.shape[1]):
@@ -189,7 +189,7 @@ def _echelon(directions: Array) -> Array:
 
 
 def _leaves(rows: list[Slopes], states: list[str], shift: Array) -> bool:
-    """Whether a shift leaves lines and phases as they are, by their structure."""
+    """Return whether a shift leaves lines and phases structurally unchanged."""
     weights = {x: float(w) for x, w in zip(states, shift, strict=True) if w != 0.0}
     return all(
         ex.add(*((slope, weights[x]) for x, slope in row.items() if x in weights)) is ex.ZERO
@@ -222,9 +222,9 @@ def read_formulas(
     Parameters
     ----------
     constant : iterable of str
-        What slopes may depend on.
+        Names on which slopes may depend.
     since : float
-        A branch that lies in the past of this time for good does not count.
+        Branches of formulas that end before this time are ignored.
     """
     reader = _Reader(frozenset(names), frozenset(constant), since)
     for formula in formulas:
@@ -259,8 +259,8 @@ class _Reader:
             self._split(e, self.lines, 1.0)
 
     def _split(self, e: Expr, kept: list[Slopes], unit: float) -> None:
-        """Take down the part of an expression in which the names stand evenly, and look into the
-        rest."""
+        """Record the part of an expression that is linear in the names, and search the remaining
+        parts."""
         even: Slopes = {}
         rest: list[Expr] = []
         for term, weight in e.terms if e.op == "sum" else ((e, 1.0),):

@@ -100,7 +100,7 @@ class Piece:
     def felt(self, t: Array, y: Array, p: Array) -> Array:
         """Rates, guards, constraints and changes in jumps at many points, shape (functions,
         points)."""
-        return self._felt(t, y, p)
+        return self._all_functions(t, y, p)
 
     def dependence(self, t: Array, y: Array, p: Array) -> Array:
         """Their derivatives with respect to time and the state, shape (points, functions, 1 +
@@ -109,8 +109,8 @@ class Piece:
         return np.moveaxis(values.reshape(-1, 1 + len(y), len(t)), -1, 0)
 
     def rests(self, contact: int, t: float, y: Array, p: Array) -> bool:
-        """Whether what sticks holds a contact with mass at rest, too, whatever its own mode says:
-        its velocity is zero for all states that keep the constraints."""
+        """Return whether the constraints of the sticking contacts hold another contact with mass at
+        rest: its velocity is zero for all admissible states, whatever its mode."""
         c = self.field.contacts[contact]
         if c.kind != Kind.INERTIAL or c.loose:
             return False
@@ -160,7 +160,7 @@ class Piece:
 
     @cached_property
     def straight(self) -> bool:
-        """Whether the slopes of the constraints are the same at all times and states."""
+        """Whether the slopes of the constraints are constant."""
         slopes = self._with_slopes(self.field.constraints)
         values = slice(None, None, 2 + len(self.columns))
         del slopes[values]
@@ -182,7 +182,7 @@ class Piece:
         return [*f.rates, *(g.value for g in f.guards), *f.constraints, *f.leaps]
 
     @cached_property
-    def _felt(self) -> PointFunction:
+    def _all_functions(self) -> PointFunction:
         return PointFunction(self.field, self._all)
 
     @cached_property
@@ -212,7 +212,7 @@ def mass_at(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Ar
 
 
 class Pieces:
-    """All pieces of a system, made when first asked for.
+    """All pieces of a system, created on first access.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ class Pieces:
         return self._numbers[key]
 
     def numbers(self, modes: Array, regions: Array) -> Array:
-        """Those of many modes and regions, shape (knots,)."""
+        """Piece numbers of many modes and regions, shape (knots,)."""
         both = np.hstack([modes, regions])
         begins = np.ones(len(both), bool)
         begins[1:] = np.any(both[1:] != both[:-1], axis=1)

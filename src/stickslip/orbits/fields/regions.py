@@ -1,4 +1,4 @@
-"""Expressions with kinks at many states at once: states in one region of the kinks are evaluated
+"""Expressions with kinks at many states: states in the same region of the kinks are evaluated
 together."""
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ _MOST_KEPT = 1024  # expressions in regions, of each system
 
 
 def _chosen(equations: MotionEquations, expression: Expr, region: Region) -> Expr:
-    """An expression in a region, of the state, kept: maps ask for the same ones at every point."""
+    """An expression in a region of the kinks, cached, since maps need the same ones at every
+    point."""
     key = expression, region
     return made_once(equations, "in regions", lambda: _found(equations, *key), key, _MOST_KEPT)
 

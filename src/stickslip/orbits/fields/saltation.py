@@ -1,17 +1,18 @@
 """First variation where the state jumps: through impacts and declared jumps.
 
-At a knot with y⁺ = Δ(t, y⁻) neighbours arrive a little earlier or later: with the guard h,
+At a knot with y⁺ = Δ(t, y⁻), neighbouring motions arrive slightly earlier or later: with the guard
+h,
 
     S = DΔ + (f⁺ − DΔ f⁻ − ∂ₜΔ) ∇hᵀ/(∂ₜh + ∇h·f⁻).
 
-Which contacts take part in an impact, and which of them stick, is not recorded: of all maps that
-the law of impacts admits (:func:`.impact_map`) it is the one that leads
-where the motion has gone on.
+The motion does not record which contacts take part in an impact, and which of them stick: among all
+maps admitted by the impact law (:func:`.impact_map`), the one is selected that leads to the state
+after the impact.
 
-Impacts in turn happen at one instant here, and for neighbours one shortly after the other, in the
-same order: S is the product of those of all, each with the gap that closes and with the rates
-between. Where several gaps close at once that were open, or approaches carry equal energies,
-neighbours have other orders, and there is no derivative.
+Sequential impacts occur at one instant, and in neighbouring motions shortly after one another, in
+the same order: S is the product of the matrices of all impacts, each with the gap that closes and
+with the rates in between. If several open gaps close simultaneously, or approaches have equal
+energies, neighbouring motions have different orders, and there is no derivative.
 
 References
 ----------
@@ -76,12 +77,11 @@ class Saltation(NamedTuple):
     ----------
     matrix : array, shape (columns, columns)
     late : array, shape (columns,)
-        Derivatives of the time at which it happens.
+        Derivatives of the time of the jump.
     exists : bool
-        False if a guard vanishes without speed (grazing), or no impulse is found that explains what
-        has happened.
+        False if a guard vanishes without speed (grazing), or no impulse explains the jump.
     why : str
-        Why it does not exist.
+        Reason why it does not exist.
     """
 
     matrix: Array
@@ -141,7 +141,7 @@ def saltation(
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
-        jump = int(np.flatnonzero(motion._switches.jumped[event.knot - 1])[0])
+        jump = int(np.flatnonzero(motion.switches.jumped[event.knot - 1])[0])
         found = _jump_map(equations, left, jump)(t, y, p)
     else:
         near = _near(equations, left, (t, y, p), contact)
@@ -273,8 +273,8 @@ def _in_turn(
 def _meets(
     piece: Piece, others: list[int], at: tuple[float, Array, Array], landing: Landing
 ) -> bool:
-    """Whether an impact gives another contact, which it moves, a velocity that is just zero: it is
-    approached for some neighbours, and not for others.
+    """Return whether an impact leaves another contact, which it moves, with velocity exactly zero:
+    it then closes in some neighbouring motions, but not in others.
 
     Parameters
     ----------
@@ -382,7 +382,8 @@ def _between(
     at: tuple[float, Array, Array],
     pieces: Pieces,
 ) -> Piece:
-    """The motion between two impacts in turn: what neither approaches nor recedes stays closed.
+    """The motion between two sequential impacts: contacts that neither approach nor recede stay
+    closed.
 
     Parameters
     ----------
@@ -453,14 +454,14 @@ def _mode_of(
     closing: tuple[int, frozenset[int]],
     p: Array,
 ) -> tuple[Mode | None, Landing | None]:
-    """The mode of an impact that explains a jump, and where it leads; None if there is none.
+    """The mode of an impact that explains a jump, and the state after it; None if there is none.
 
     Parameters
     ----------
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)
-        When, and the states before and after.
+        Time, and the states before and after.
     closing : int and frozenset of int
         The contact that has closed, and those that have lost their restitution.
     p : array, shape (parameters,)
@@ -500,15 +501,15 @@ def _is_corner(
     landing: Landing,
     p: Array,
 ) -> bool:
-    """Whether other modes of an impact lead to the same state with other derivatives: an impulse is
-    just zero, or just at its threshold.
+    """Return whether other modes of an impact lead to the same state with other derivatives: an
+    impulse is exactly zero, or exactly at its threshold.
 
     Parameters
     ----------
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)
-        When, and the states before and after.
+        Time, and the states before and after.
     closing : int and frozenset of int
         The contact that has closed, and those that have lost their restitution.
     landing : Landing

@@ -1,18 +1,19 @@
-"""First variation where a contact in a plane begins to slip, or comes to rest, or both at once; or
-several of one body.
+"""First variation at events of planar contacts: a contact, or several of one body, begin to slip,
+come to rest, or both.
 
-Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no
-value where u = 0. Where a slip begins, f⁺ has the direction that the motion's own coefficients know
-(:mod:`stickslip.motion.steps.starting`). Where it ends, all is taken from a point so close before
-that u has the direction there that the last step tends to: it may turn however small u is.
-Neighbours come to rest earlier or later, and what was left of u in all directions is forgotten.
+Both events have the usual saltation matrix S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a
+slip is undefined at u = 0. At the beginning of a slip, the direction of f⁺ is that of the leading
+Taylor coefficient of the motion (:mod:`stickslip.motion.steps.starting`). At the end, all values
+are taken at a time so close before it that u has its limiting direction, since u may rotate while
+it vanishes. Neighbouring motions come to rest earlier or later; perturbations of u in all
+directions then vanish.
 
-Contacts that share forces leave together once no forces hold the body: h is the least Σ s|Gw| − q·w
-over its mechanisms w (:mod:`stickslip.motion.admissible.overload`), whose derivatives are those
-with the mechanism held. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near the end u has
-one direction and its length falls evenly, and to first order the time that is left is that of h,
-whatever little of other directions u has: M times that direction is the left null vector of the
-linear decay of the others.
+Contacts that share forces begin to slip together if no admissible forces hold the body: h is the
+minimum of Σ s|Gw| − q·w over its mechanisms w (:mod:`stickslip.motion.admissible.overload`), whose
+derivatives are those at fixed mechanism. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near
+the end u has a limiting direction and its length decreases linearly. To first order the remaining
+time is that of h, independently of small components of u in other directions, since M times the
+limiting direction is the left null vector of their linear decay.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ def through(
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
-    """The saltation matrix at a knot where a slip in a plane begins or ends, or goes on through
-    rest, or slips of contacts that share forces.
+    """The saltation matrix at a knot where a planar slip, or slips of contacts that share forces,
+    begin, end, or pass through rest.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def through(
         if bent:
             passing = _leaving(left, bent[0], (t, y, p), here.rates)
         elif left.field.shared.intersection(begun):
-            passing = _loosening(equations, pieces, begun, (t, y, p), here.rates)
+            passing = _loss_of_hold(equations, pieces, begun, (t, y, p), here.rates)
         else:
             own = cause if cause >= 0 else len(equations.kinks) + begun[0]
             passing = _own(left, here, own)
@@ -112,11 +113,11 @@ def through(
 
 
 def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
-    """Time and state so close before a slip in a plane ends that nothing but u tells it from the
-    end.
+    """Time and state just before the end of a planar slip, where only u differs from its value at
+    the end.
 
-    The last step is regular: what is left of the state, in parts of the time that is left, tends to
-    a limit, which values along the step tell.
+    The last step is regular: the remaining change of the state, divided by the remaining time, has
+    a limit, which is extrapolated from values along the step.
     """
     k = motion.knots
     start, end = float(k.clock[knot - 1]), float(k.clock[knot])
@@ -124,7 +125,7 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     if left <= _RESOLVED * max(abs(end), abs(k.origin)):
         return float(k.time[knot - 1]), k.state[knot - 1]
     parts = np.array([1 / 32, 1 / 64, 1 / 128])
-    states = motion._states_at(end - parts * left + k.origin, np.full(3, knot - 1))
+    states = motion.states_at(end - parts * left + k.origin, np.full(3, knot - 1))
     rates = (states - k.state[knot]) / (parts * left)[:, None]
     # by a parabola in the time that is left
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
@@ -223,7 +224,7 @@ def _stopping(
     at: tuple[float, Array, Array],
     rates: Array,
 ) -> _Passing:
-    """The guard h of contacts that come to rest; all that does not vanish with u is left out.
+    """The guard h of contacts that come to rest; terms that do not vanish with u are omitted.
 
     Parameters
     ----------
@@ -311,7 +312,7 @@ def _directions(formula: ConvexFormula, others: list[float]) -> Array:
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-def _loosening(
+def _loss_of_hold(
     equations: MotionEquations,
     pieces: tuple[Piece, Piece],
     contacts: list[int],
@@ -395,13 +396,13 @@ def _loosening(
 
 
 def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
-    """The motion w with work·w = 1 for which Σ s|Gw| is least, by weighted least squares: each
-    turn lowers it.
+    """The motion w with work·w = 1 for which Σ s|Gw| is minimal, by iteratively reweighted least
+    squares, which decreases the sum in every iteration.
 
     Parameters
     ----------
     shapes : list of (array, float)
-        G and s of what moves.
+        G and s of the moving contacts.
     """
     w = work / float(work @ work)
     for _ in range(_MOST_TURNS):
@@ -419,8 +420,9 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
 
 
 def _at_rest(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
-    """The projection onto what keeps the constraints of a piece, by impulses of what holds it: what
-    is left of other directions of a slip that has ended is forgotten, and friction takes it."""
+    """The projection onto states that satisfy the constraints of a piece, by impulses of the
+    sticking contacts: friction absorbs the remaining velocity in other directions when a slip
+    ends."""
     bounds = piece.bounds(*at).slopes
     columns = len(piece.columns)
     P = np.eye(columns)
@@ -442,4 +444,4 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     alone = Knots.single(float(k.clock[knot]), k.state[knot], mode, region, k.origin)
     time = float(k.time[knot])
     part = Trajectory(motion.problem, (time, time), alone, motion.outcome)
-    return part._retraced.rows(alone.clock, np.array([0]))[0][motion.problem.rows.program.rates]
+    return part.dense_output.rows(alone.clock, np.array([0]))[0][motion.problem.rows.program.rates]

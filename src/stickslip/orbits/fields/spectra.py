@@ -66,8 +66,8 @@ def decompose_piece(
 
 
 def _known(equations: MotionEquations, A: Array, rates: Array) -> _Modes | None:
-    """The modes of a matrix, which another motion may have asked for: those of a piece do not
-    depend on its drives."""
+    """The modes of a matrix, cached over motions, since those of a piece do not depend on its
+    drives."""
     most = min(max(_ROOM // (24 * A.size), 1), _MOST)
     key = A.tobytes(), rates.tobytes()
     return made_once(equations, "modes", lambda: _decomposed(A, rates), key, most)

@@ -59,12 +59,11 @@ def excess(
 def settle_friction(
     equations: MotionEquations, values: Mapping[str, float], states: Array, time: float = 0.0
 ) -> None:
-    """Move rate-independent coordinates, one after the other, until friction holds them; changes
-    `states`.
+    """Move rate-independent coordinates sequentially until friction holds them; changes `states`.
 
-    Each goes to the nearest place at which its own contact holds: descent, coordinate by
-    coordinate, in the minimisation E(x) + Σ sᵢ|xᵢ − xᵢ⁰| that decides where such a system goes from
-    a state it cannot rest in.
+    Each moves to the nearest position at which its contact holds: coordinate descent for the
+    minimisation of E(x) + Σ sᵢ|xᵢ − xᵢ⁰|, which defines the jump of such a system from an unstable
+    state.
     """
     rate = equations.rate
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]

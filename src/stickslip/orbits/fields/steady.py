@@ -1,17 +1,17 @@
 """Steady motion in one mode: f(y, p) = 0, as one smooth square problem for every kind of system.
 
-Two things keep f = 0 from being a regular system of equations, and both are met by changing f off
-the solutions:
+The equations f = 0 are singular for two reasons; f is modified off the solutions to remove both:
 
 * constraints g(y) = 0 of the mode (a sticking inertial contact has u = 0) are invariant, so that
   ∂f/∂y has a zero eigenvalue for each: f − (∂g/∂y)ᵀ g has the same zeros and attracts to the
   constraints;
-* a translation e that leaves the system unchanged makes equilibria come in lines, and steady
-  sliding a motion with f = c e: f − e⟨e, f⟩ − e⟨e, y − y₀⟩ picks one representative, and the drift
-  c = ⟨e, f⟩ is read off afterwards.
+* if a translation e leaves the system unchanged, equilibria form lines, and steady sliding is a
+  motion with f = c e: f − e⟨e, f⟩ − e⟨e, y − y₀⟩ selects one representative, and the drift c = ⟨e,
+  f⟩ is read off afterwards.
 
-Neither changes the motion within the constraints and modulo translation, so eigenvalues and normal
-forms of the changed field are those of the system, besides the ones added.
+Neither modification changes the motion within the constraints and modulo translation, so
+eigenvalues and normal forms of the modified field are those of the system, apart from the added
+ones.
 """
 
 from __future__ import annotations
@@ -98,13 +98,13 @@ class Sizes:
     Attributes
     ----------
     state : array, shape (points, states)
-        What the state would be if no two terms of the equations cancelled: the scale of its
-        rounding errors.
+        Size of the state without cancellation of terms in the equations: the scale of its rounding
+        errors.
     margins : array, shape (points, guards)
         Guards relative to the size of their terms: nonnegative where the mode holds. States count
         with their largest size over the points.
     defect : array, shape (points,)
-        How well a point solves the equations: what is left, relative to the terms.
+        Residual of the equations, relative to the size of their terms.
     """
 
     state: Array
@@ -133,8 +133,7 @@ class Steady:
 
     @cached_property
     def rates(self) -> list[Expr]:
-        """The changed field, whose zeros are the steady motions; f itself if nothing is to be
-        changed."""
+        """The modified field, whose zeros are the steady motions; f itself if it is regular."""
         f = self.field
         changed = list(f.rates)
         for e in self.invariant.T:
@@ -213,8 +212,8 @@ class Steady:
         ----------
         points : array, shape (states + parameters, points)
         among : array, optional
-            All points of a branch that these belong to: what is large somewhere is known no better
-            elsewhere.
+            All points of the branch; the largest terms over the branch determine the rounding
+            errors.
         """
         values, slopes, state = self._scales(points)
         n = state.shape[1]
@@ -224,7 +223,7 @@ class Steady:
         return Sizes(state, relative[:, n:], np.max(np.abs(relative[:, :n]), axis=1, initial=0.0))
 
     def sizes_beside(self, points: Array, beside: Array) -> Sizes:
-        """The same for points by themselves, each with another one of its branch beside it.
+        """Sizes at separate points, each compared with another point of its branch.
 
         Parameters
         ----------

@@ -2,12 +2,12 @@
 frames.
 
 A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt
-is unchanged if time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the
-frame that moves with e. Both are directions in which all first derivatives vanish, so they are
-found, not declared. Shifts that come in steps are read off the formulas
-(:mod:`stickslip.orbits.fields.lines_and_phases`): a turn of the drives, with what it shifts, and
-the cells of a lattice. All are elements of one group; with one of them every return of a cycle is
-composed.
+is unchanged by joint shifts of time and position: ∂ₜf + ∂f·e = 0, so it is autonomous in the frame
+that moves with e. Both are directions in which all first derivatives vanish, so they are computed,
+not declared. Discrete shifts follow from the formulas
+(:mod:`stickslip.orbits.fields.lines_and_phases`): a period of the drives, with the shift of the
+state, and the cells of a lattice. All are elements of one group; the return of a cycle is composed
+with one of them.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ class Symmetry:
     shifts : array, shape (states, translations)
         Directions in which the state may be shifted.
     frame : array, shape (states,), or None
-        Velocity e of the frame in which the system is autonomous (0: it does not depend on time at
-        all). None: time matters, the system is driven.
+        Velocity e of the frame in which the system is autonomous (0: it does not depend on time).
+        None: the system is driven.
     turn : array, shape (states,)
-        Of driven systems: the shift of the state with which the system is the same one period of
-        its drives later.
+        For driven systems, the shift of the state under which the system is invariant after one
+        period of its drives.
     cells : array, shape (states, cells)
-        Shifts of the state, each with its multiples, with which the system is the same at once.
+        Shifts of the state under which the system is invariant, as are their integer multiples.
     """
 
     shifts: Array
@@ -60,7 +60,7 @@ class Symmetry:
 
     @property
     def driven(self) -> bool:
-        """Whether time matters."""
+        """Whether the system is driven."""
         return self.frame is None
 
     def moved(self, period: float, turns: int, cells: Array) -> Array:
@@ -85,7 +85,7 @@ class Symmetry:
 
 
 def alike(a: Symmetry, b: Symmetry) -> bool:
-    """Whether two symmetries are the same, up to rounding."""
+    """Return whether two symmetries are equal, up to rounding."""
     if a.driven != b.driven or a.shifts.shape != b.shifts.shape:
         return False
     together = np.hstack([np.linalg.qr(s.shifts)[0] for s in (a, b)])
@@ -100,7 +100,7 @@ def alike(a: Symmetry, b: Symmetry) -> bool:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Points on a motion, at which the system is asked what leaves it unchanged.
+    """Points on a motion, at which the symmetries of the system are computed.
 
     Attributes
     ----------
@@ -118,13 +118,13 @@ class Surroundings:
     _found: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def symmetry(self, p: Array, drives: Drives | None, cells: Array) -> Symmetry:
-        """Invariance for given parameters, from what formulas say of drives (None: there are none)
-        and cells.
+        """Symmetry for given parameters, from the drives (None: there are none) and cells in the
+        formulas.
 
         Raises
         ------
         DeclarationError
-            If the system is driven and not the same one period of its drives later.
+            If the system is driven and not invariant after one period of its drives.
         """
         shifts, frame = _split(self._unchanged(p))
         # Where shifts of any size change nothing, cells say nothing more.
@@ -148,14 +148,14 @@ class Surroundings:
         return found
 
     def _unchanged(self, p: Array) -> Array:
-        """Basis of the directions of (t, y) along which nothing changes, shape (1 + n,
+        """Basis of the directions of (t, y) along which the system is invariant, shape (1 + n,
         directions)."""
         key = p.tobytes()
         if key not in self._found:
-            self._found[key] = self._unfelt(p)
+            self._found[key] = self._null_directions(p)
         return self._found[key]
 
-    def _unfelt(self, p: Array) -> Array:
+    def _null_directions(self, p: Array) -> Array:
         """The same, computed."""
         rng = np.random.default_rng(0)
         n = len(self.sizes)
@@ -190,8 +190,8 @@ class Surroundings:
         return v[rank:].T * (units * np.append(1.0, self.sizes))[:, None]
 
     def _turn(self, p: Array, drives: Drives) -> Array:
-        """Shift of the state that a period of the drives makes up for: that of the frame which
-        moves with them, or, where formulas do not show it, what the slopes say."""
+        """Shift of the state that compensates a period of the drives: that of the frame which moves
+        with them, or, if it is not apparent in the formulas, from the slopes."""
         period, _, velocity = drives
         moved = period * velocity
         felt = [
@@ -260,13 +260,13 @@ def _merged(slopes: Array, timed: bool) -> _Rows:
 
 
 def _relative(values: Array, size: Array) -> Array:
-    """Values relative to sizes of terms. What vanishes in a piece, as the acceleration in stick
-    does, is rounding of what is large elsewhere."""
+    """Values relative to the sizes of terms. A value that vanishes in a piece, such as the
+    acceleration in stick, is compared with its size in other pieces."""
     return values / np.maximum(size, LAST_DIGITS / NO_CHANGE * np.max(size) + TINIEST)
 
 
 def _unit(part: _Rows) -> _Rows:
-    """Rows with largest component 1; those that are only rounding are left out."""
+    """Rows scaled to largest component 1, without rows of rounding errors."""
     size = np.max(np.abs(part.rows), axis=1, initial=0.0)
     some = size > ROUNDED_SUM * np.max(size, initial=0.0)
     return _Rows(part.rows[some] / size[some, None], part.weights[some], part.of[some])

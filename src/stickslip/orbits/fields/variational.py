@@ -2,10 +2,10 @@
 its events.
 
 Between events Φ' = J(t)Φ along the motion's own states. At an event with the guard g the motion
-leaves the field f⁻ for f⁺, and neighbours do so a little earlier or later: S = I + (f⁺ −
-f⁻)∇gᵀ/(g_t + ∇g·f⁻). Where the state itself jumps it is that of
-:mod:`stickslip.orbits.fields.saltation`. A parameter is one more component that does not move, so
-derivatives with respect to it pass through the same formulas.
+changes from the field f⁻ to f⁺, and neighbouring motions do so slightly earlier or later: S = I +
+(f⁺ − f⁻)∇gᵀ/(g_t + ∇g·f⁻). If the state jumps, S is that of
+:mod:`stickslip.orbits.fields.saltation`. A parameter is an additional constant component, so
+derivatives with respect to it follow from the same formulas.
 
 References
 ----------
@@ -67,18 +67,18 @@ class Variation:
     Attributes
     ----------
     after : array, shape (knots, m, directions)
-        How (state, p) right after each knot changes with the first one, in the directions that were
-        asked for; m is the number of states and of free parameters. May be NaN between switches
-        if these values were not needed.
+        Derivatives of (state, p) right after each knot with respect to the first one, in the
+        requested directions; m is the number of states and free parameters. May be NaN between
+        switches if these values were not needed.
     late : array, shape (knots, directions)
-        How the time of the event at each knot changes; not a number where there is none.
+        Derivatives of the time of the event at each knot; NaN if there is none.
     piece : array of int, shape (knots,)
-        Which of them the step is in that begins at each knot.
+        Piece of the step that begins at each knot.
     corners, grazings : tuple of float
         Times of events at which the motion has no derivative: events that coincide here and not
         nearby, and guards that are touched without being crossed.
     reasons : mapping of float to str
-        Why there is no derivative at some of these times.
+        Reasons, for some of these times.
     """
 
     after: Array
@@ -91,7 +91,7 @@ class Variation:
 
     @cached_property
     def pieces(self) -> list[Piece]:
-        """Of the step that begins at each knot."""
+        """Piece of the step that begins at each knot."""
         return [self.made[w] for w in self.piece]
 
     @property
@@ -118,12 +118,12 @@ def variation(
     pieces : Pieces
         Smooth pieces of its system; their free parameters p are differentiated for, too.
     directions : array, shape (m, directions), optional
-        Changes of the first (state, p); by default every component by itself. They have to keep the
-        constraints of the first mode: what sticks is not pushed, what slides without mass stays on
-        its threshold.
+        Perturbations of the first (state, p); by default each component separately. They must
+        satisfy the constraints of the first mode: sticking contacts do not move, and contacts that
+        slide without mass stay on their thresholds.
     between : bool
-        Whether changes are needed at all knots; if False, they may be NaN except where pieces
-        begin, and at the end.
+        Whether derivatives are needed at all knots; if False, they may be NaN except at the start
+        of each piece, and at the end.
     """
     run = _prepared(trajectory, pieces, directions, 1 if between else 2)
     listed = pieces.listed
@@ -160,7 +160,7 @@ def variation(
 
 
 def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
-    """Linear forms of the state that a piece keeps at zero, whatever the free parameters are."""
+    """Linear forms of the state that are zero in a piece for all values of the free parameters."""
     i = int(np.flatnonzero(run.piece == w)[0])
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     t, y = float(run.knots.time[i]) + run.origin, run.knots.state[i]
@@ -190,7 +190,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, 
     after[0] = first
     return Pass(
         k.record,
-        trajectory._retraced.seen,
+        trajectory.dense_output.seen,
         float(k.origin),
         float(np.max(np.abs(trajectory.problem.constants.omega), initial=0.0)),
         modal,
@@ -231,13 +231,14 @@ class _Meeting:
         self.reasons: dict[float, str] = {}
 
     def pass_through(self, fired: bool) -> int:
-        """Enter what comes after the events at which the pass has stopped; returns the knot from
-        which it goes on.
+        """Set the variation after the events at which the pass has stopped; returns the knot from
+        which it resumes.
 
         Parameters
         ----------
         fired : bool
-            Whether guards have fired; if none has, no derivative is known where a mode has changed.
+            Whether guards have fired; if none has although a mode has changed, there is no
+            derivative.
         """
         event = self.run.event
         i, last = int(event[BEGINS]), int(event[ENDS])
@@ -253,14 +254,14 @@ class _Meeting:
             return last
         # Nor does it matter how those are shared that rest on, and of what others carry, which has
         # no guard but a velocity, that is rounded to either side of zero.
-        moot = {s for s in resting if s in still or left.setting(s) != 0}
-        switches = [s for s in switches if s not in moot]
+        undecided = {s for s in resting if s in still or left.setting(s) != 0}
+        switches = [s for s in switches if s not in undecided]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
     def cross_discontinuity(self) -> int:
-        """Enter what comes after the jump of the state at which the pass has stopped; returns the
-        knot from which it goes on."""
+        """Set the variation after the jump of the state at which the pass has stopped; returns the
+        knot from which it resumes."""
         if int(self.run.event[BEGINS]) not in self._discontinuities:
             return self.slip(int(self.run.event[BEGINS]))
         event, here = self._discontinuities[int(self.run.event[BEGINS])]
@@ -277,7 +278,7 @@ class _Meeting:
         return last
 
     def slip(self, i: int) -> int:
-        """Enter what comes after a knot at which a slip in a plane begins or ends."""
+        """Set the variation after a knot at which a planar slip begins or ends."""
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[i]]
         found = slips.through(self.pieces.equations, self.trajectory, i, sides, self.p)
         if not found.exists:
@@ -307,7 +308,7 @@ class _Meeting:
         return {kinks + c for c in contacts if piece.rests(c, t, y, self.p)}
 
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
-        """S where several guards vanish at once."""
+        """Saltation matrix at a simultaneous zero of several guards."""
         arrived = self.run.after[i]
         routes = [self._route(i, last, order) for order in permutations(switches[:3])]
         images = [S @ arrived for S in routes if S is not None]

@@ -72,19 +72,19 @@ def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tupl
 
 
 def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
-    """Newton's method, with steps shortened until the motion closes better.
+    """Damped Newton's method: steps are shortened until the closure error decreases.
 
     Parameters
     ----------
     x : array
         Unknowns to start from.
     across : array, optional
-        A change of the unknowns, in their units, in which no step is taken.
+        Direction in the unknowns, in their units, to which steps are orthogonal.
 
     Raises
     ------
     NotClosed
-        If it does not converge; the message says how near it came.
+        If it does not converge; the message gives the smallest closure error.
     """
     orbit = shooting.orbit(x)
     for _ in range(_MOST_STEPS):
@@ -136,7 +136,7 @@ def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
 def _shortened(
     shooting: Shooting, orbit: Orbit, units: Array, step: Array, tries: int
 ) -> Orbit | None:
-    """The first of the shortened steps that closes better; None if there is none."""
+    """The first of the shortened steps with a smaller closure error; None if there is none."""
     miss = np.linalg.norm(orbit.F)
     # At first no unknown changes by more than its unit, and the period by at most 0.3 of its unit.
     part = min(1.0, ratio(1.0, np.max(np.abs(step))), ratio(0.3, abs(step[shooting.time])))
@@ -240,7 +240,7 @@ def restarted(
         New units of the state.
     """
     begin = best_start(shooting, orbit)
-    y = orbit.motion._states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
+    y = orbit.motion.states_at(np.array([begin]), np.array([_step(orbit.motion, begin)]))[
         0, : len(orbit.shift)
     ]
     shift, start = carried_along(shooting.setting, orbit.problem, begin)
@@ -256,7 +256,7 @@ def restarted(
     ]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
-        state = motion._states_at(np.array([t]), np.array([i]))[0]
+        state = motion.states_at(np.array([t]), np.array([i]))[0]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
@@ -293,7 +293,7 @@ class Closed:
     Attributes
     ----------
     slopes : dict
-        What was asked of its derivatives (:mod:`.slopes`), by parameter.
+        Computed derivatives (:mod:`.slopes`), by parameter.
     """
 
     shooting: Shooting
@@ -321,7 +321,7 @@ class Closed:
         time = motion.knots.time
         times = time[0] + part * self.orbit.period
         steps = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
-        return motion._states_at(times, steps) - np.outer(part, self.orbit.shift)
+        return motion.states_at(times, steps) - np.outer(part, self.orbit.shift)
 
     @property
     def extent(self) -> float:
@@ -343,7 +343,7 @@ class Closed:
         return float(np.min(np.linalg.norm(gap, axis=1)))
 
     def _strobed(self, time: float) -> Array:
-        """States at one phase of the drive, each without what the loads have shifted it by."""
+        """States at one phase of the drive, each without the shift by the loads."""
         motion = self.orbit.motion
         setting = self.shooting.setting
         problem = self.orbit.problem
@@ -352,7 +352,7 @@ class Closed:
         begin = float(motion.knots.time[0])
         times = begin + (time - begin) % whole + whole * np.arange(setting.turns)
         steps = np.array([_step(motion, t) for t in times])
-        states = motion._states_at(times, steps)
+        states = motion.states_at(times, steps)
         return states - np.multiply.outer(np.floor(times / whole), setting.at(problem).turn)
 
 
@@ -381,26 +381,26 @@ def converge(shooting: Shooting, x: Array) -> Closed:
         try:
             if count > 1:
                 shooting, x = restarted(shooting, shooting.orbit(x), count)
-            return _resting_alike(shooting, close(shooting, x))
+            return _with_rest_positions(shooting, close(shooting, x))
         except ConvergenceError as failure:
             first = first or failure
     assert first is not None
     raise first
 
 
-def _resting_alike(shooting: Shooting, orbit: Orbit) -> Closed:
-    """The same cycle from its best place, with the equations that say where the contacts rest that
-    it never moves."""
+def _with_rest_positions(shooting: Shooting, orbit: Orbit) -> Closed:
+    """The same cycle from its best start, with equations for the rest positions of contacts that
+    stick throughout."""
     for _ in range(3):
         if same_held(shooting.setting.held, held_positions(orbit.motion)):
             break
         shooting, x = restarted(shooting, orbit, len(shooting.stations))
         orbit = close(shooting, x)
-    return well_placed(shooting, orbit)
+    return with_best_start(shooting, orbit)
 
 
-def well_placed(shooting: Shooting, orbit: Orbit) -> Closed:
-    """The same cycle from the best place to start it, with as many stations as its growth asks
-    for."""
+def with_best_start(shooting: Shooting, orbit: Orbit) -> Closed:
+    """The same cycle from its best start, with as many stations as the growth of perturbations
+    requires."""
     new, x = restarted(shooting, orbit, stations_for(shooting, orbit))
     return Closed(new, close(new, x))

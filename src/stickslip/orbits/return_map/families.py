@@ -1,12 +1,11 @@
-"""Continuous families of cycles: shifted states on which the motion still closes, without a
-translation symmetry.
+"""Continuous families of cycles that are not due to a translation symmetry.
 
-Every amplitude is a cycle where nothing is damped; the forced oscillator with dry friction has a
-continuum of asymmetric cycles where the drive has an even part of its own frequency (G. Csernák, G.
-Stépán, S. W. Shaw, *Sub-harmonic resonant solutions of a harmonically excited dry friction
-oscillator*, Nonlinear Dynamics 50 (2007) 93-109). All members are marginally stable, and nothing
-chooses one of them. The positions in which contacts rest that never slip are no such family: they
-are given (:attr:`stickslip.orbits.return_map.shooting.Setting.held`).
+Without damping, cycles exist for every amplitude; the forced oscillator with dry friction has a
+continuum of asymmetric cycles at driving frequencies that are even fractions of its natural
+frequency (G. Csernák, G. Stépán, S. W. Shaw, *Sub-harmonic resonant solutions of a harmonically
+excited dry friction oscillator*, Nonlinear Dynamics 50 (2007) 93-109). All members are marginally
+stable, and none is distinguished. Positions of contacts that never slip do not count as a family:
+they are prescribed (:attr:`stickslip.orbits.return_map.shooting.Setting.held`).
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ _AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 
 
 class Family(ConvergenceError):
-    """Cycles that come in a family, so that nothing chooses one of them."""
+    """The cycle belongs to a continuous family, none of whose members is distinguished."""
 
 
 def check_isolated(closed: Closed) -> None:
@@ -53,12 +52,12 @@ def check_isolated(closed: Closed) -> None:
 
 
 def members_beside(failure: NotClosed) -> list[Closed]:
-    """Two members of a family, towards the edge of which a motion creeps that does not close; none
-    if there are not.
+    """Two members of a family, if a motion that does not close converges slowly to the boundary of
+    one; otherwise none.
 
-    Along the family nothing pulls it back, so that Newton's method and the motion itself come
-    nearer more and more slowly. A bit further along the direction in which next to nothing changes
-    there are members of the family.
+    Along the family there is no restoring force, so Newton's method and the motion converge
+    sublinearly. Members of the family are found slightly further along the direction of smallest
+    change.
     """
     if failure.miss > _CREEPS:
         return []

@@ -48,8 +48,8 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
 
 
 def flies(motion: Trajectory) -> bool:
-    """Whether closed forms pay even where every motion has its own parameters, and makes its own:
-    where flights are very long beside what is fast in them."""
+    """Return whether closed forms are worthwhile even if each motion needs separate ones for its
+    parameters: if flights are very long compared with their fastest time scale."""
     forms = motion.problem.closed_forms
     shortest = forms.shortest[forms.flown == 1]
     k = motion.knots

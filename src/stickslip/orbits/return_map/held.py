@@ -1,9 +1,9 @@
 """Positions of contacts that stick throughout a cycle.
 
-Such a contact comes back to where it was by itself. There is a cycle for every position in which
-the thresholds hold it all the time, and the one that belongs to a given position is meant. Where a
-parameter changes so far that a threshold no longer holds it there, the contact is carried along
-that edge: it rests where it is just held.
+Such a contact returns trivially. There is a cycle for every position at which the thresholds hold
+it throughout; the cycle of a given position is computed. If a parameter changes so far that a
+threshold no longer holds the contact there, it is carried along at the edge: it rests at the last
+position at which it is held.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ class Touch:
 
 
 def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Held, ...]:
-    """The independent positions that contacts keep in a motion because they stick; what was on an
-    edge stays there."""
+    """The independent positions of contacts that stick throughout a motion; contacts on an edge
+    stay there."""
     k = motion.knots
     equations = motion.problem.compiled.equations
     state = equations.declaration.state
@@ -98,12 +98,12 @@ def released(held: Sequence[Held], sizes: Array) -> Array:
 
 
 def same_held(a: Sequence[Held], b: Sequence[Held]) -> bool:
-    """Whether the same contacts are held."""
+    """Return whether the same contacts are held."""
     return [h.contact for h in a] == [h.contact for h in b]
 
 
 def slips(held: Held, motions: Sequence[Trajectory]) -> bool:
-    """Whether a contact slips in some motions."""
+    """Return whether a contact slips in any of the motions."""
     return any(
         bool(np.any(m.knots.mode[:-1][np.diff(m.knots.time) > 0.0, held.contact])) for m in motions
     )
@@ -120,7 +120,7 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
     _, t, i, j = min(found, key=lambda entry: entry[0])
     motion, change = legs[j]
     piece = change.pieces[i]
-    y = motion._states_at(np.array([t]), np.array([i]))[0]
+    y = motion.states_at(np.array([t]), np.array([i]))[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     here, (row, other) = piece.leave(t, y, p), _guards(held, piece)
     both = float(here.value[row] + here.value[other])
@@ -151,7 +151,7 @@ def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, f
     def value(t: Array, i: int) -> Array:
         piece = change.pieces[i]
         times = np.atleast_1d(t)
-        states = motion._states_at(times, np.full(len(times), i))
+        states = motion.states_at(times, np.full(len(times), i))
         row, other = _guards(held, piece)
         guards = piece.felt(times, states.T, p)[n : n + len(piece.switches)]
         return guards[row] / (guards[row] + guards[other])

@@ -1,9 +1,9 @@
-"""The distance of a cycle from a change of its mode sequence: guards that are nearly touched, and
-phases that nearly vanish.
+"""The distance of a cycle from a change of its mode sequence: nearly touched guards, and nearly
+vanishing phases.
 
-Along a branch a guard comes down to zero somewhere inside a phase, or a phase becomes shorter and
-shorter, or a contact that slips back and forth is about to stick in between. Where the least of
-these vanishes, the sequence changes.
+Along a branch, a guard may decrease to zero inside a phase, the duration of a phase may decrease to
+zero, or a contact may begin to stick at a reversal. The sequence changes at the first zero of these
+distances.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def sequence(motion: Trajectory) -> Sequence:
     """
     k = motion.knots
     found = [(a, _phase(k.mode[a], k.region[a]), -1) for a, _ in segments(motion)]
-    for i in motion._leaps:
+    for i in motion.state_jumps:
         switch = int(k.cause[i])
         contact = switch - k.region.shape[1]
         mode, region = k.mode[i - 1].copy(), k.region[i - 1].copy()
@@ -78,7 +78,7 @@ def _without_bounces(phases: list[tuple[ModeAndRegion, int]]) -> list[ModeAndReg
 
 
 def is_open(s: Sequence) -> bool:
-    """Whether it is the sequence of a motion that is no cycle."""
+    """Return whether it is the sequence of a motion that is not a cycle."""
     return len(s) > 1 and s[0] == s[-1]
 
 
@@ -90,7 +90,7 @@ def _canonical(phases: list[ModeAndRegion]) -> Sequence:
 
 
 def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> tuple[str, str]:
-    """Name of a change of the sequence, and what happens in words."""
+    """Name and description of a change of the sequence."""
     contacts = equations.labels
     if is_open(after):
         missed = _difference(equations, after[-2], after[0])
@@ -149,7 +149,7 @@ def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, Mode
 
 
 def _at_smooth_knots(equations: MotionEquations, a: ModeAndRegion, b: ModeAndRegion) -> bool:
-    """Whether two phases differ by smooth knots alone."""
+    """Return whether two phases differ only by smooth knots."""
     passed = [g for g, m, n in zip(equations.kinks, a[1], b[1], strict=True) if m != n]
     return a[0] == b[0] and all(map(is_smooth_knot, passed))
 
@@ -185,8 +185,8 @@ def _difference(equations: MotionEquations, a: ModeAndRegion, b: ModeAndRegion) 
 
 
 def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
-    """The least of: phases as parts of the period, as far as they are longer than what takes no
-    time, guards and forces relative to their size."""
+    """The smallest distance from a change of the sequence: durations of phases as fractions of the
+    period, without instantaneous ones, and guards and forces relative to their size."""
     k = motion.knots
     found = segments(motion)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
@@ -273,7 +273,7 @@ def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
     h = length[step] / number[step]
     times = (time[step] + place * h)[:, None] + h[:, None] * NODES
     index = np.repeat(step, len(NODES))
-    return Looks(index, times.ravel(), motion._states_at(times.ravel(), index))
+    return Looks(index, times.ravel(), motion.states_at(times.ravel(), index))
 
 
 def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Looks) -> list[Dip]:
@@ -326,7 +326,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     def at(row: int, i: int) -> Dip:
         def guard(t: float) -> float:
             knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-            y = motion._states_at(np.array([t]), np.array([knot]))[0]
+            y = motion.states_at(np.array([t]), np.array([knot]))[0]
             return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
 
         around = slice(i - 1, i + 2)
@@ -337,7 +337,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
 
 
 def _rises(values: Array, known: float) -> Array:
-    """Where a guard is more than rounding errors on both sides, and no end of its values."""
+    """Values of a guard that exceed rounding errors on both sides, without the first and last
+    one."""
     highest = np.maximum.accumulate
     found = np.minimum(highest(values), highest(values[::-1])[::-1]) > known
     found[:1] = found[-1:] = False

@@ -15,8 +15,8 @@ from stickslip.orbits.return_map.stations import make_station
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Floquet multipliers: of the motion and of translations (all 1), of what stick forgets (0),
-    and the others."""
+    """Floquet multipliers: along the motion and translations (all 1), of directions lost in stick
+    (0), and the others."""
 
     trivial: AnyArray
     forgotten: int
@@ -34,10 +34,10 @@ class Spectrum:
 def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     """Multipliers of an orbit.
 
-    Where most contacts stick the changes of the state have the least dimension; what is lost there
-    has the multiplier 0, exactly, and the others are those of the return map from there. A position
-    that is held throughout is the same a period later: its linear form ℓ has ℓM = ℓ, the multiplier
-    1, and the others are those of the changes with ℓ = 0.
+    When most contacts stick, perturbations of the state have the smallest dimension; directions
+    lost there have the multiplier 0, exactly, and the others are those of the return map from that
+    phase. A position that is held throughout is unchanged after a period: its linear form ℓ
+    satisfies ℓM = ℓ, with multiplier 1, and the others are those of perturbations with ℓ = 0.
     """
     n = len(orbit.shift)
     q = int(shooting.first[1])

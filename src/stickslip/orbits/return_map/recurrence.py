@@ -104,21 +104,21 @@ class Window:
         return self.at_home(home if e is None else home + np.multiply.outer(times, e), times)
 
     def carried(self, states: Array, times: Array) -> Array:
-        """States without what a load that moves has carried them along; shape (…, n)."""
+        """States without the displacement by a moving load; shape (…, n)."""
         driven = self.symmetry.frame is None
         period = self.period
         velocity = self.symmetry.turn / period if driven and period else np.zeros(len(self.sizes))
         return states - np.multiply.outer(times, velocity)
 
     def extent(self, modulus: Array) -> float:
-        """Largest range of a component relative to a modulus: 0 if nothing moves but along
+        """Largest range of a component relative to a modulus: 0 if there is no motion except along
         translations."""
         home = self.at_home(self.carried(self.states, self.times), self.times)
         return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
 def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
-    """Sample a motion from a knot on, and see what leaves its system unchanged.
+    """Sample a motion from a knot on, and compute the symmetry of its system.
 
     Raises
     ------
@@ -138,9 +138,9 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     before = np.repeat(np.cumsum(points) - points, points)
     share = (np.arange(len(index)) - before) / (np.repeat(points, points) - 1)
     times = (1.0 - share) * k.time[index] + share * k.time[index + 1]
-    states = trajectory._states_at(times, index)
+    states = trajectory.states_at(times, index)
     made = [every[i] for i in index]
-    felt = _felt(trajectory, every, steps, p)
+    felt = _largest_slopes(trajectory, every, steps, p)
     around = Surroundings(made, times, states, _sizes(trajectory, states, states, felt))
     equations = trajectory.problem.compiled.equations
     ticking = None
@@ -159,27 +159,28 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
 def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     """Half the range of each component over a period, up to drift.
 
-    A component that hardly moves (a symmetry may keep it at 0) is given a small part of what the
-    others could do to it in a period, or before it forgets it: its own range would be rounding.
+    A component that hardly moves (a symmetry may keep it at 0) has a small fraction of the size
+    that the others could cause in a period, or within its relaxation time, since its range would be
+    rounding error.
     """
     k = motion.knots
     n = len(shift)
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     times = np.linspace(k.time[steps], k.time[steps + 1], _POINTS, axis=1).ravel()
-    states = motion._states_at(times, np.repeat(steps, _POINTS))
+    states = motion.states_at(times, np.repeat(steps, _POINTS))
     period = k.time[-1] - k.time[0]
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
-    felt = _felt(motion, made, steps, p)
+    felt = _largest_slopes(motion, made, steps, p)
     moving = states - np.outer((times - k.time[0]) / period, shift)
     sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)
     return np.maximum(sizes, _LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
 
 
-def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
-    """How the rates, guards and constraints of each piece of a motion depend on the state, at most;
-    (functions, n)."""
+def _largest_slopes(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list[Array]:
+    """Largest slopes of the rates, guards and constraints of each piece of a motion with respect to
+    the state; shape (functions, n)."""
     k = motion.knots
     found = []
     for piece in dict.fromkeys(made[i] for i in steps):
@@ -190,8 +191,8 @@ def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list
 
 
 def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) -> Array:
-    """Half the range of each component; of one that does not move, what is felt as much as the
-    motion of the others."""
+    """Half the range of each component; for one that does not move, the change with the same effect
+    as the motion of the others."""
     spread = 0.5 * np.ptp(moving, axis=0)
     modulus = np.max(np.abs(states), axis=0)
     still = _STILL * np.where(modulus > 0.0, modulus, 1.0)
@@ -260,7 +261,7 @@ def segments(motion: Trajectory) -> list[tuple[int, int]]:
     knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
-    changed[motion._leaps - 1] = True
+    changed[motion.state_jumps - 1] = True
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
     return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]
@@ -331,7 +332,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     times, steps = _strobe(w, t, sign) if w.symmetry.driven else _passages(w, t, y, here, sign)
     if len(times) == 0:
         return []
-    states = w.trajectory._states_at(np.asarray(times), np.asarray(steps))
+    states = w.trajectory.states_at(np.asarray(times), np.asarray(steps))
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
     misses = np.linalg.norm(w.apart(gap, times - t), axis=1)
@@ -358,7 +359,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
 
 
 def _state(w: Window, t: float, step: int) -> Array:
-    return w.trajectory._states_at(np.array([t]), np.array([step]))[0]
+    return w.trajectory.states_at(np.array([t]), np.array([step]))[0]
 
 
 def _strobe(w: Window, t: float, sign: float) -> tuple[Array, Array]:
@@ -399,7 +400,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     hb = h[found + 1]
     for _ in range(6):
         middle = a - ha * (b - a) / (hb - ha)
-        at = w.trajectory._states_at(middle, w.index[found])
+        at = w.trajectory.states_at(middle, w.index[found])
         hm = height(at, middle)
         below = hm <= 0.0
         a, ha = np.where(below, middle, a), np.where(below, hm, ha)

@@ -1,17 +1,17 @@
 """Periodic motions as zeros of a function: single and multiple shooting, up to a drift.
 
-The motion is followed from one or several stations on the cycle to the next. Unknown are the places
-of the stations, the period T, the drift along each translation, and, for a branch, a parameter. The
-equations say that each piece ends where the next one begins (the last one: where the first begins,
-shifted by the drift); that the first station has not slid along the cycle (autonomous systems) or
-that T is the period of the drives; and that it has not been translated.
+The motion is followed from each of one or several stations on the cycle to the next. The unknowns
+are the states at the stations, the period T, the drift along each translation, and, for a branch, a
+parameter. The equations are: each piece ends at the beginning of the next one (the last one at that
+of the first, shifted by the drift); the phase of the first station is fixed (autonomous systems),
+or T is the period of the drives; and its position along translations is fixed.
 
-A station stands well inside one mode, never at an event, and its coordinates ξ keep the constraints
-of that mode: where a contact sticks there is one coordinate less. The order of modes is nowhere
-given, the motion finds it.
+A station is well inside one mode, never at an event, and its coordinates ξ satisfy the constraints
+of that mode: each sticking contact removes one coordinate. The sequence of modes is not prescribed;
+it follows from the motion.
 
-A contact that sticks throughout comes back to where it was, whatever that is: the equation says
-nothing, and there is a cycle for every position of rest. In its place stands where it rests
+A contact that sticks throughout returns to any position, so its equation is trivial, and there is a
+cycle for every position of rest. The equation is replaced by one for the position
 (:mod:`stickslip.orbits.return_map.held`).
 """
 
@@ -145,7 +145,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Orbit:
-    """One candidate of a cycle.
+    """A candidate for a cycle.
 
     Attributes
     ----------
@@ -373,8 +373,8 @@ class Shooting:
         return Leg(station.part, end, place, motion, change, self.pieces, rate)
 
     def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
-        """A leg ends where the next one begins; its equations stand in the rows of the coordinates
-        of that station."""
+        """Equations for the end of a leg at the beginning of the next one, in the rows of the
+        coordinates of that station."""
         target = (j + 1) % len(legs)
         leg = legs[j]
         n = len(shift)
@@ -393,7 +393,8 @@ class Shooting:
             J[rows, -1] += M[:, -1]
 
     def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
-        """Where contacts rest that stick throughout, in the rows of what comes back by itself."""
+        """Equations for the positions of contacts that stick throughout, in the rows of the trivial
+        equations."""
         station = self.stations[0]
         home = slice(*self.first[:2])
         for held, direction in zip(self.setting.held, self.release.T, strict=True):

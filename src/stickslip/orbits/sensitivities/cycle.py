@@ -1,8 +1,8 @@
 """Derivatives of a cycle with respect to parameters.
 
-State, period and shift change as :mod:`stickslip.orbits.return_map.slopes` says, and extremes as
-the state does where they are reached, since there the motion stands still. Multipliers are
-themselves derivatives: theirs are differences of cycles closed again nearby, extrapolated.
+Derivatives of state, period and shift are those of :mod:`stickslip.orbits.return_map.slopes`.
+Derivatives of extremes are those of the state at their times, since the rate vanishes there.
+Multipliers are derivatives themselves, so theirs are extrapolated differences of cycles nearby.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ def cycle_sensitivity(
     names : sequence of str
         Parameters.
     multipliers : bool
-        Whether multipliers are differentiated, too, for which cycles nearby are closed.
+        Whether to differentiate multipliers, too, which requires cycles nearby.
     of : sequence of str, optional
-        Measures, by the names that they have in maps, see
+        Measures, by their names in maps, see
         :func:`stickslip.orbits.sensitivities.measured.measure_slopes`; then the dataset has these.
 
     Raises
@@ -79,7 +79,7 @@ def cycle_sensitivity(
         If there is no such parameter or measure, or the cycle has no derivative: events coincide,
         or a guard is touched.
     ConvergenceError
-        If there is no cycle nearby (at a fold): then nothing is said.
+        If there is no cycle nearby (at a fold).
     """
     import xarray as xr
 
@@ -180,10 +180,10 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
 
     def component(j: int) -> Traced:
         def values(clock: Array, index: Array) -> Array:
-            return motion._states_at(clock + k.origin, index)[:, j]
+            return motion.states_at(clock + k.origin, index)[:, j]
 
         def rate(clock: float, step: int) -> float:
-            return float(motion._retraced.rows(np.array([clock]), np.array([step]))[0, rows[j]])
+            return float(motion.dense_output.rows(np.array([clock]), np.array([step]))[0, rows[j]])
 
         return Traced(values, rate, lambda clock, step: unit[j])
 

@@ -38,8 +38,8 @@ class Traced(NamedTuple):
 
 
 class _Extreme(NamedTuple):
-    """Where a quantity is least, or largest: the time since the origin, and the knot that it is at
-    (−1: none), from the left or not; and the step on that side."""
+    """The place of an extreme: the time since the origin, the knot (−1: none), whether it is a
+    limit from the left, and the step on that side."""
 
     clock: float
     knot: int
@@ -89,11 +89,11 @@ def slopes_of_extremes(
 
 
 def until(motion: Trajectory, knot: int) -> Trajectory:
-    """A motion up to a knot, without what happens there."""
+    """A motion up to a knot, before the event there."""
     k = motion.knots
     parts = k.first(knot + 1)
     state = parts.state.copy()
-    state[-1] = motion._states_at(k.time[[knot]], np.array([knot - 1]))[0]
+    state[-1] = motion.states_at(k.time[[knot]], np.array([knot - 1]))[0]
     mode, region, cause = (part.copy() for part in (parts.mode, parts.region, parts.cause))
     mode[-1], region[-1], cause[-1] = mode[-2], region[-2], -1
     knots = Knots(parts.clock, state, mode, region, cause, k.origin)

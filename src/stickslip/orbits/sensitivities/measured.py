@@ -2,8 +2,9 @@
 
 An integral over a period, I = ∫ g dt, changes by ∫ (∇g·δy + g_p) dt, by g at the end times the
 change of the period, and at an event that comes δt later by (g⁻ − g⁺) δt. Harmonics are such
-integrals, whose frequency changes with the period, and time in stick is one of a constant. What is
-dissipated is what is supplied less the gain of energy, so impacts need no term of their own.
+integrals, whose frequency changes with the period, and the time in stick is the integral of a
+constant. The dissipated energy is the supplied energy less the gain of energy, so impacts need no
+separate term.
 """
 
 from __future__ import annotations
@@ -133,7 +134,7 @@ class _Changing:
         """A quantity at a time since the origin, in a step: its value, its derivatives by (state,
         parameter), and its rate."""
         k = self.motion.knots
-        y = self.motion._retraced.states(np.array([clock]), np.array([step]))[0]
+        y = self.motion.dense_output.states(np.array([clock]), np.array([step]))[0]
         t = clock + k.origin
         piece = self.pieces(k.mode[step], k.region[step])
         where = np.array([t]), np.ascontiguousarray(y[:, None])
@@ -153,13 +154,13 @@ class _Changing:
         return first, _Value(value, float(moved))
 
     def integral(self, observed: Observation) -> _Value:
-        """∫ g dt over the period, by Gauss quadrature whose panels are halved until that changes
-        nothing.
+        """∫ g dt over the period, by Gauss quadrature whose panels are halved until the result
+        converges.
 
         Raises
         ------
         ConvergenceError
-            If it does change something to the end.
+            If it does not converge.
         """
         k = self.motion.knots
         steps = np.flatnonzero(np.diff(k.clock) > 0.0)
@@ -223,7 +224,7 @@ class _Changing:
         """The coefficient c of Re(c exp(iω(t − t₀))), where t₀ is the time at which the period
         begins, its derivative, and that of ω.
 
-        As in :mod:`stickslip.orbits.cycles.over_period` a drift is left out.
+        As in :mod:`stickslip.orbits.cycles.over_period`, a drift is removed.
         """
         observed = self.observed(text)
         setting = self.cycle.closed.shooting.setting
@@ -305,7 +306,7 @@ class _Changing:
         """Energy that the declared jumps of the state supply, each that gains."""
         k = self.motion.knots
         energy = self.observed("energy")
-        leaps = np.flatnonzero(np.any(self.motion._switches.jumped, axis=1))
+        leaps = np.flatnonzero(np.any(self.motion.switches.jumped, axis=1))
         for knot in (leaps + 1).tolist():
             clock = float(k.clock[knot])
             late = float(np.nan_to_num(self.varied.late[knot, 0]))
@@ -391,7 +392,7 @@ def _harmonic(c: _Changing, of: str) -> _Value:
 
 
 def _phase(c: _Changing, of: str) -> _Value:
-    """Of cos(ωt + phase)."""
+    """Derivative of the phase in cos(ωt + phase)."""
     if not c.cycle.closed.shooting.setting.symmetry.driven:
         raise DeclarationError(
             f"of: phase:{short(of)}",
@@ -414,7 +415,7 @@ def _relative_phase(c: _Changing, of: str) -> _Value:
 
 
 def _stick_fraction(c: _Changing, of: str) -> _Value:
-    """Of the time in which all contacts stick, or one."""
+    """Derivative of the fraction of time in which all contacts stick, or one contact."""
     problem, system = c.motion.problem, c.cycle.system
     if of and of not in system.rubbing:
         raise DeclarationError(

@@ -59,7 +59,7 @@ class Sensitivity:
     slopes : array, shape (quantities, times, names)
         Their derivatives; NaN after a time at which there is none.
     knots : array of int, shape (switches,)
-        Knots of the motion at which something switches.
+        Knots of the motion at which a mode or region switches.
     switches : array, shape (switches, names)
         Derivatives of the times of these switches.
     missing : tuple of (float, str)
@@ -127,7 +127,7 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
     """Attributes of the derivative of a quantity. Its unit is that of the quantity per unit of the
     parameter; the unit of a formula is unknown."""
-    known = name in {*trajectory._rows, *trajectory.system.outputs, "energy"}
+    known = name in {*trajectory.row_of, *trajectory.system.outputs, "energy"}
     said = quantity(trajectory.system, name) if known else {"long_name": name}
     return {
         **said,
@@ -188,7 +188,8 @@ def sensitivities(
 
 
 class Followed(NamedTuple):
-    """The first variation along a motion, and the times at which there is none, with reasons."""
+    """The first variation along a motion, and the times at which it does not exist, with
+    reasons."""
 
     variation: Variation
     missing: list[tuple[float, str]]
@@ -307,7 +308,7 @@ def at_events(
         If the state jumps at an event and quantities other than its time are requested.
     """
     observed = read_observations(trajectory, of)
-    jumping = np.intersect1d(events, trajectory._leaps)
+    jumping = np.intersect1d(events, trajectory.state_jumps)
     if len(jumping) and any(o.formula is not ex.sym("t") for o in observed):
         when = trajectory.knots.time[jumping[0]]
         raise DeclarationError(
@@ -360,7 +361,7 @@ def with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
     clock = when - k.origin
     new = np.setdiff1d(clock, k.clock)
     before = np.searchsorted(k.clock, new, side="right") - 1
-    states = trajectory._states_at(new + k.origin, before)
+    states = trajectory.states_at(new + k.origin, before)
     order = np.argsort(np.concatenate([k.clock, new]), kind="stable")
 
     def merged(kept: Array, added: Array) -> Array:
@@ -473,7 +474,7 @@ def _values_alone(
     place = np.searchsorted(k.clock, clock, side="right") - 1
     states = k.state[place]
     between = np.flatnonzero(k.clock[place] < clock)
-    states[between] = trajectory._states_at(when[between], place[between])
+    states[between] = trajectory.states_at(when[between], place[between])
     pieces = _pieces_of(trajectory, ())
     numbers = pieces.numbers(k.mode, k.region)[place]
     values = np.empty((len(observed), len(when)))

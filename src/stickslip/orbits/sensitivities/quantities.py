@@ -84,7 +84,7 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     Raises
     ------
     DeclarationError
-        If there is no such quantity, it has no derivative, or a formula has kinks of its own.
+        If there is no such quantity, it has no derivative, or a formula has kinks.
     """
     if set(asked) <= set(trajectory.problem.compiled.layout.state):
         return tuple(Observation(name, ex.sym(name)) for name in asked)

@@ -22,7 +22,7 @@ _WORTH = 1e-1  # … below which its least value is looked for
 
 
 def touched(trajectory: Trajectory, pieces: Pieces) -> list[tuple[float, str]]:
-    """Times at which a motion touches a boundary of its mode, and what happens there."""
+    """Times at which a motion touches a boundary of its mode, with descriptions."""
     k = trajectory.knots
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     if len(k.clock) < 2:

@@ -83,8 +83,8 @@ class Attraction:
         return self._claims.verdict == PROVED
 
     def _listed(self, mode: Array) -> bool:
-        """List the field of a mode and region; False if its rates are not determined, so that there
-        is nothing to differentiate."""
+        """List the field of a mode and region; False if its rates are not determined, so that it
+        has no derivatives."""
         contacts = len(self.problem.rows.u)
         try:
             self.pieces.number(mode[:contacts].astype(np.int8), mode[contacts:].astype(np.int8))

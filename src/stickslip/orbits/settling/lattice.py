@@ -1,8 +1,8 @@
-"""Translations, and periods, frames and cells of motions over periodic landscapes.
+"""Translations, and periods, frames and cells of motions over spatially periodic systems.
 
-The drives of a system stand in what is compiled, with their frequencies. What repeats in space is a
-drive only in the frame that goes with the motion, at a frequency that depends on how fast that is;
-and a system that repeats in space is the same after every cell.
+The compiled code of a system contains its drives, with their frequencies. A formula that is
+periodic in space is a drive only in the frame of the motion, at a frequency that depends on its
+speed; and a system that is periodic in space is unchanged by shifts by a cell.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class Lattice(NamedTuple):
     Attributes
     ----------
     period : array, shape (motions,)
-        After which the system is as before in the frame; 0 where nothing drives it there.
+        Period of the system in the frame; 0 if it is not driven there.
     parts : array of int, shape (motions,)
-        After so many of these periods the drives are as before, too.
+        Number of these periods after which the drives repeat, too.
     frame : array, shape (motions, n)
         Velocity of the frame.
     moved : bool
-        Whether time moves the state along at all.
+        Whether a load moves the state with time.
     cells : array, shape (motions, cells, 2, n)
-        As the loops take them (:func:`forms_of`).
+        Cells in the form that the compiled loops use (:func:`forms_of`).
     """
 
     period: Array
@@ -82,8 +82,8 @@ def lattice(problem: Problem, table: Array) -> Lattice | None:
 
 
 def forms_of(cells: list[Array]) -> Array:
-    """Cells, each shape (n, cells), beside the linear forms that count them; shape (motions, cells,
-    2, n), with zeros where a motion has fewer than others."""
+    """Cells, each of shape (n, cells), with the linear forms that count them; shape (motions,
+    cells, 2, n), padded with zeros."""
     n = len(cells[0])
     found = np.zeros((len(cells), max(part.shape[1] for part in cells), 2, n))
     for own, part in zip(found, cells, strict=True):
@@ -93,8 +93,8 @@ def forms_of(cells: list[Array]) -> Array:
 
 
 def translations(equations: MotionEquations, declared: Array) -> Array:
-    """Directions in which the state may be shifted: the declared one (0 if there is none), and
-    those that formulas show beside it, orthogonal to each other; shape (directions, n)."""
+    """Directions of translation of the state: the declared one (0 if there is none), and those
+    found in the formulas, orthogonal to each other; shape (directions, n)."""
     found = made_once(equations, "translations", lambda: _translations(equations))
     rows = [declared]
     for shift in found.T:
@@ -133,15 +133,15 @@ def unrelated(equations: MotionEquations, zero: frozenset[str]) -> dict[str, flo
 
 
 def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
-    """Whether it may have some, for parameters of which these are zero: found once."""
+    """Return whether the system may have cells, for given zero parameters; cached."""
     return made_once(equations, "may have cells", lambda: _has_cells(equations, zero), zero)
 
 
 def _has_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
-    """Whether some shift of the state alone leaves all lines as they are, and turns a phase: of
-    numbers that are in no relation to each other."""
+    """Return whether some shift of the state alone leaves all lines unchanged and changes a phase,
+    for generic values of the parameters."""
     frame = moving_frame(equations, zero)
     try:
-        return frame.reading.winds(frame.states, unrelated(equations, zero))
+        return frame.reading.changes_phase(frame.states, unrelated(equations, zero))
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
         return True

@@ -131,14 +131,14 @@ class Observed:
     outcome : array of int, shape (points,)
     time : array, shape (points,)
     state : array, shape (points, n)
-        When and where what was measured begins.
+        Start of the measured interval.
     duration : array, shape (points,)
-        Of what was measured: the period of a cycle.
+        Length of the measured interval: the period of a cycle.
     translation : array, shape (n,)
     found : Found
         By point.
     excess : array, shape (points,)
-        By how much the initial state violates |∂Φ| ≤ s.
+        Violation of |∂Φ| ≤ s by the initial state.
     """
 
     outcome: Array
@@ -163,15 +163,15 @@ class Invariance(NamedTuple):
     shifts : array, shape (translations, n)
         Directions, orthogonal to each other, in which the state may be shifted.
     frame : array, shape (n,)
-        Velocity of the frame in which the system does not depend on time, but for its drives.
+        Velocity of the frame in which the system does not depend on time, except for its drives.
     period : float
-        After which the system is as before; 0 if nothing drives it.
+        Period of the system; 0 if it is not driven.
     parts : int
-        After so many of these periods the drives are as before, too.
+        Number of these periods after which the drives repeat, too.
     cells : array, shape (n, cells)
-        Shifts of the state, each with its multiples, that change nothing.
+        Shifts of the state, with their multiples, that leave the system unchanged.
     crossed : bool
-        Whether what repeats in space is what drives it.
+        Whether the drive is a motion over a spatially periodic system.
     """
 
     shifts: Array
@@ -186,11 +186,11 @@ class Loops(Protocol):
     """Interface of the device of the compiled loops: CPU or GPU."""
 
     def advance(self) -> None:
-        """Let all motions go on until they are done or wait for the host."""
+        """Advance all motions until they are done or wait for the host."""
         ...
 
     def grow_apart(self) -> None:
-        """The same for motions beside their twins."""
+        """Advance all motions with their twins."""
         ...
 
     def ask(self) -> None:
@@ -198,11 +198,11 @@ class Loops(Protocol):
         ...
 
     def answer(self) -> None:
-        """Send what was proved of them."""
+        """Send the results of the proofs."""
         ...
 
     def fetch(self) -> None:
-        """Bring what was found, and where the motions are, to the host."""
+        """Copy the results and the states of the motions to the host."""
         ...
 
     def remember(self) -> None:
@@ -211,7 +211,7 @@ class Loops(Protocol):
 
 
 class Block:
-    """Points that are worked on together, each with closed forms of its own unless they share their
+    """Points that are computed together, with separate closed forms unless they share their
     parameters.
 
     Attributes
@@ -221,14 +221,14 @@ class Block:
     marks, rules, saved, found, bench
         See :mod:`stickslip.orbits.settling.engine.tables`.
     excess : array, shape (points,)
-        By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
+        Violation of |∂Φ| ≤ s by the initial states; with a violation there is no motion.
 
     Parameters
     ----------
     known : Invariance, optional
-        By default translations are the declared one and those that formulas show, the period is
-        that of the first drive that acts, and the frame is found in the closed forms; of what is
-        moved along over something that repeats in space, the formulas say both.
+        By default, translations are the declared one and those found in the formulas, the period is
+        that of the first active drive, and the frame is computed from the closed forms; for motions
+        over spatially periodic systems, both follow from the formulas.
     """
 
     def __init__(
@@ -317,8 +317,8 @@ class Block:
         )
 
     def settle(self) -> None:
-        """Follow all motions until they have settled; where, and on what, is left in `saved` and in
-        the marks."""
+        """Follow all motions until they have settled; their states and attractors are stored in
+        `saved` and in the marks."""
         loops = Here(self)
         self._until_done(loops.settle, loops)
 
@@ -334,13 +334,13 @@ class Block:
         Parameters
         ----------
         where : function
-            Where the loops run.
+            Host or device on which the loops run.
         exponents : bool
             Whether Lyapunov exponents are measured.
         time_limit : float, optional
-            Seconds of wall-clock time that each point may take.
+            Wall-clock limit of each point in seconds.
         classed : bool
-            Whether it is said of motions that have not settled why.
+            Whether to classify motions that have not settled.
         """
         marks = self.marks
         loops = where(self)
@@ -428,7 +428,8 @@ class Block:
         marks.outcome[late] = np.where(growth > CERTAIN_GROWTH, Outcome.IRREGULAR.code, calm)
 
     def _name_ends_of_tables(self) -> None:
-        """What is undefined because a table ends has not begun, and is outside of it."""
+        """Report motions that are undefined at the start because a table ends as outside of the
+        table."""
         equations, outcome = self.problem.compiled.equations, self.marks.outcome
         for i in np.flatnonzero(outcome == Outcome.UNDEFINED.code):
             t = float(self.problem.origin + self.saved.clock[i, NOW])
@@ -492,16 +493,16 @@ class Here:
         exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found)
 
     def ask(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def answer(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def fetch(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
     def remember(self) -> None:
-        """Everything is here."""
+        """The host already has all data."""
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:

@@ -1,17 +1,17 @@
 """Proofs about motions without further events, on the host, for many motions at once.
 
-*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If nothing that
-is excited grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts for ever:
-what dies out can be left out at once, and what remains is rest, steady sliding or the answer to a
-drive. What neither grows nor dies out is undamped.
+*In an affine mode* every guard is c + c₁τ + Re Σ aⱼ exp(λⱼτ) + Re Σ bₘ exp(iωₘτ). If no excited
+term grows and c exceeds Σ|a| + Σ|b|, no guard is ever reached, and the mode lasts forever: the
+decaying terms can be omitted, and the remaining motion is rest, steady sliding or the response to a
+drive. A term that neither grows nor decays is undamped.
 
-*In any other mode* that does not depend on time, or in an affine one whose guards do vanish again
-and again without effect (a contact without friction), a motion whose rates have died out is near an
-equilibrium of its mode. It ends there if it cannot leave
+*In any other mode* that does not depend on time, or in an affine one with repeated zeros of guards
+that have no effect (a contact without friction), a motion whose rates have vanished is near an
+equilibrium of its mode. It converges there if it cannot leave
 (:mod:`stickslip.orbits.settling.resting`).
 
-Both are proofs up to rounding; both are sufficient, not necessary. Where they fail, a motion goes
-on; when its time is up, it has not settled.
+Both are proofs up to rounding, and both are sufficient, not necessary. If they fail, the motion
+continues; at the end of its time, it has not settled.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ _SEEN = 1e-9  # part of its size by which a component has to swing to be called 
 _LATER = 0.5  # part of the time gone by after which a proof is tried again
 
 
-class Fates(NamedTuple):
+class LongTermOutcomes(NamedTuple):
     """Long-term outcomes of some motions.
 
     Attributes
     ----------
     outcome : array of int, shape (motions,)
-        NOTHING where it is not known.
+        NOTHING if unknown.
     limit : array, shape (motions, n)
-        The state without what dies out.
+        The state without decaying terms.
     """
 
     outcome: Array
@@ -77,7 +77,7 @@ class Fates(NamedTuple):
 
 
 class Prover:
-    """Proves what becomes of motions of a system.
+    """Proofs of long-term outcomes of motions of a system.
 
     Parameters
     ----------
@@ -86,10 +86,10 @@ class Prover:
     Attributes
     ----------
     acting : array of bool, shape (motions, frequencies)
-        Which drives act.
+        Active drives.
     parts : array of int, shape (motions,)
-        After so many of its periods a system that is the same after each of them has drives that
-        are as before, too: cos(2πx)·cos(2πy) is the same half a cell further along both.
+        Number of periods of the system after which its drives repeat, too: cos(2πx)·cos(2πy) is
+        unchanged by a shift by half a cell along both.
     """
 
     def __init__(self, problem: Problem, table: Array, rules: Rules) -> None:
@@ -119,7 +119,7 @@ class Prover:
         engine: Engine,
         settling: tuple[Marks, Rules, Lane, Bench],
     ) -> None:
-        """Decide all motions that ask: they are measured next, or go on.
+        """Decide all motions that wait for a proof: they are measured next, or continue.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class Prover:
             Their compiled loop.
         """
         marks, _, saved, _ = settling
-        self._take_back(engine, settling)
+        self._reset(engine, settling)
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
         if len(index) == 0:
             return
@@ -147,14 +147,14 @@ class Prover:
             slot = saved_slots(lanes, index[open_], saved)
             closed = open_[slot >= 0]
             if len(closed):
-                fates = affine_fates(
+                outcomes = affine_outcomes(
                     lanes, index[closed], slot[slot >= 0], marks, saved, self.rules.shifts
                 )
                 # the drives have to have a period in common
-                unknown = (fates.outcome == _PERIODIC) & ~fits[closed]
-                outcome[closed] = np.where(unknown, _NOTHING, fates.outcome)
+                unknown = (outcomes.outcome == _PERIODIC) & ~fits[closed]
+                outcome[closed] = np.where(unknown, _NOTHING, outcomes.outcome)
                 saved.y[index[closed]] = np.where(
-                    unknown[:, None], saved.y[index[closed]], fates.limit
+                    unknown[:, None], saved.y[index[closed]], outcomes.limit
                 )
             for i in open_[outcome[open_] == _NOTHING]:
                 if asked[i] != _NOTHING and not waves[i]:
@@ -183,8 +183,8 @@ class Prover:
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
 
-    def _take_back(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
-        """Let motions go on by themselves that do not come to where they were carried by hand."""
+    def _reset(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
+        """Reset motions that do not converge to their extrapolated state."""
         marks = settling[0]
         claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
         if not np.any(claimed):
@@ -239,9 +239,9 @@ def saved_slots(lanes: Lanes, index: Array, saved: Lane) -> Array:
     return np.where(np.any(mine, axis=1), place[:, 0] + np.argmax(mine, axis=1), -1)
 
 
-def affine_fates(
+def affine_outcomes(
     lanes: Lanes, index: Array, slot: Array, marks: Marks, saved: Lane, shifts: Array
-) -> Fates:
+) -> LongTermOutcomes:
     """Long-term outcomes of motions in affine modes, if the modes last.
 
     Parameters
@@ -249,11 +249,11 @@ def affine_fates(
     index : array of int, shape (k,)
         Which lanes.
     slot : array of int, shape (k,)
-        Places of the closed forms of their modes.
+        Slots of the closed forms of their modes.
     saved : Lane
         Where they are.
     shifts : array, shape (translations, n)
-        Translations that change nothing.
+        Translations that leave the system unchanged.
     """
     T = lanes.forms
     y = saved.y[index]
@@ -313,4 +313,4 @@ def affine_fates(
     outcome = np.where(answers, _PERIODIC, outcome)
     outcome = np.where(undamped, _UNDAMPED, np.where(lasts & even, outcome, _NOTHING))
     left = (outcome != _NOTHING) & (outcome != _UNDAMPED)
-    return Fates(outcome, np.where(left[:, None], y - fading[:, component], y))
+    return LongTermOutcomes(outcome, np.where(left[:, None], y - fading[:, component], y))

@@ -1,11 +1,10 @@
-"""Whether a system keeps repeating itself: the effect of time on its formulas, from their structure
-alone.
+"""Periodicity of a system: the effect of time on its formulas, from their structure alone.
 
-That a motion and the forces on it have returned does not exclude a load that begins a year later.
-So the formulas have to be the same a period later, in the frame that moves with the motion: time
-may stand in phases that advance evenly, of which the period is a multiple; in lines in which time
-and frame make up for each other, as in Vt − x (:mod:`stickslip.orbits.fields.lines_and_phases`);
-and behind a kink that lies in the past for good.
+Returns of a motion and of the forces on it do not exclude a load that begins much later. Therefore
+the formulas must be invariant under the period, in the frame that moves with the motion: time may
+occur in phases that advance uniformly, of whose periods the period is a multiple; in lines in which
+time and frame cancel, as in Vt − x (:mod:`stickslip.orbits.fields.lines_and_phases`); and behind a
+kink that remains in the past.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Repetition:
 
     @cached_property
     def plain(self) -> bool:
-        """Whether time stands in phases of one frequency only, whatever the parameters are."""
+        """Whether time occurs in phases of one frequency only, for all parameters."""
         known = self.equations.declaration.parameters
         found = read_formulas(self.equations.formulas, ["t"], constant=known, since=0.0)
         return len(self.equations.frequencies) <= 1 and not found.lines
@@ -71,7 +70,7 @@ def _advance(slopes: Slopes, velocity: Mapping[str, float]) -> float:
 
 
 def repeats(waves: frozenset[float] | None, period: float) -> bool:
-    """Whether frequencies fit into a period."""
+    """Return whether a period is a multiple of the periods of all frequencies."""
     turns = [rate * period / (2.0 * math.pi) for rate in waves or ()]
     return waves is not None and all(
         round(n) > 0 and abs(n - round(n)) <= _WHOLE * n for n in turns

@@ -1,9 +1,9 @@
 """Proof that a motion near an equilibrium of its mode stays there forever.
 
-In the norm of the eigenvectors its distance shrinks, and no guard comes down to 0 within that
-distance. What the eigenvectors say holds as far as the Jacobian is nearly the same there, which is
-looked at around the equilibrium; this is a proof up to the derivatives between the points that were
-looked at.
+In the norm of the eigenvectors the distance decreases, and no guard has a zero within that
+distance. This holds if the Jacobian is nearly constant within that distance, which is checked at
+points around the equilibrium; the proof is therefore up to variations of the Jacobian between these
+points.
 """
 
 from __future__ import annotations
@@ -98,13 +98,13 @@ class _Neighbourhood:
     def settled(self) -> Array | None:
         """The equilibrium, if the motion stays for ever within a neighbourhood in which it decays
         towards it."""
-        if self._stands():
+        if self._is_constant():
             return self.y
         y = self._equilibrium()
         return y if y is not None and self._stays_near(y) else None
 
-    def _stands(self) -> bool:
-        """Whether nothing changes here at all, up to translation."""
+    def _is_constant(self) -> bool:
+        """Return whether the state is constant, up to translation."""
         if np.any(self._rates(self.y)):
             return False
         here = self.piece.leave(self.t, self.y, self.p)
@@ -181,7 +181,7 @@ class _Neighbourhood:
         return self.basis.T @ (J * self.units / self.units[:, None]) @ self.basis
 
     def _inert(self, g: int, y: Array) -> bool:
-        """Whether nothing changes where a guard vanishes, as for a contact without friction."""
+        """Return whether the zero of a guard has no effect, as for a contact without friction."""
         switch = int(self.piece.switches[g])
         now = self.piece.setting(switch)
         kinks = len(self.piece.field.region)
@@ -201,7 +201,7 @@ class _Neighbourhood:
 
 
 def _null(rows: Array) -> Array:
-    """Orthonormal basis of what a matrix maps to 0."""
+    """Orthonormal basis of the null space of a matrix."""
     if not rows.size:
         return np.eye(rows.shape[1])
     rows = ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True))

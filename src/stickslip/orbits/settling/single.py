@@ -1,4 +1,4 @@
-"""The limit cycle of one motion: its state and period, or the reason why there is none."""
+"""The limit cycle of one motion: its state and period, or the reason why none was found."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def settle_motion(
     clock: Clock | None,
     settings: Settings | None = None,
 ) -> Settled:
-    """Follow a motion until it has settled, as every point of a map is followed.
+    """Follow a motion until it has settled, as at every point of a map.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def settle_motion(
         When it starts.
     state : array, shape (n,)
     symmetry : Symmetry
-        What leaves the system unchanged.
+        Symmetry of the system.
     clock : Clock or None
         Of its drives.
     settings : Settings, optional
@@ -98,16 +98,16 @@ def settle_motion(
 
 
 def _leave_event(block: Block, later: float) -> None:
-    """Take a motion that has settled away from the event at which it was looked at: of a state on a
-    guard, up to rounding, it may not be told on which side the motion goes on, and where the state
-    jumps there that matters.
+    """Move a settled motion away from the event at which it was compared: for a state on a guard,
+    up to rounding, the side on which the motion continues may be undecided, which matters if the
+    state jumps there.
 
     Parameters
     ----------
     block : Block
         Of one motion.
     later : float
-        How long it is followed.
+        Time for which it is followed.
     """
     from stickslip.motion.steps.arrays import FINISHED, FULL
 

@@ -1,9 +1,9 @@
 """Motions that have not settled before their limits: whether they are slow.
 
-Its marks are compared over the lag after which they come back most closely. A motion is slow if
-these returns go on along a straight line, as those to a cycle with a multiplier near 1 do, or if
-they become smaller or larger by the same factor each time, as along a spiral. Those of a
-quasi-periodic motion turn and come again, those of an irregular one do neither.
+Marks are compared over the lag with the closest returns. A motion is slow if these returns continue
+along a straight line, as those to a cycle with a multiplier near 1 do, or if they decrease or
+increase by a constant factor, as along a spiral. Returns of a quasi-periodic motion rotate and
+recur; those of an irregular one do neither.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def elapsed_of(marks: Marks, rules: Rules, saved: Lane) -> Array:
 
 
 def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
-    """Whether a motion changes slowly from return to return.
+    """Return whether a motion changes slowly from return to return.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
         missed = float(np.mean(np.linalg.norm(change, axis=1)))
         if missed < _CLOSER * closest:
             best, closest, chosen = change, missed, lag
-    return chosen > 0 and _goes_on(best, chosen)
+    return chosen > 0 and _is_regular(best, chosen)
 
 
 def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Array:
@@ -71,8 +71,8 @@ def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Arra
     return np.divide(change, size, out=np.zeros_like(change), where=size > 0.0)
 
 
-def _goes_on(change: Array, lag: int) -> bool:
-    """Whether changes over a lag add up, or turn and change by the same factor each time."""
+def _is_regular(change: Array, lag: int) -> bool:
+    """Return whether changes over a lag add up, or rotate and change by a constant factor."""
     chain = change[(len(change) - 1) % lag :: lag]
     missed = np.linalg.norm(chain, axis=1)
     if len(missed) < _RETURNS or not np.all(missed > 0.0):

@@ -63,7 +63,7 @@ class AtAmplitude:
     Attributes
     ----------
     amplitude, measured : float
-        What was wanted, and what it has.
+        Requested and measured amplitude.
     """
 
     cycle: Cycle
@@ -77,7 +77,7 @@ class AtAmplitude:
 
     @property
     def overdamped(self) -> bool:
-        """Whether nothing oscillates without the excitation."""
+        """Whether the mode does not oscillate without the excitation."""
         return self.damping >= 1.0 - SAME_VALUE
 
 
@@ -146,7 +146,7 @@ class Amplitudes:
     # -- the first one -----------------------------------------------------------------------------
 
     def first(self, amplitude: float) -> tuple[Shooting, Orbit]:
-        """A cycle from which to go on.
+        """The first cycle.
 
         Raises
         ------
@@ -168,8 +168,8 @@ class Amplitudes:
         return self._near(self.mode.decay, y, 2.0 * np.pi / self.mode.frequency)
 
     def _near(self, excitation: float, y: Array, period: float) -> tuple[Shooting, Array]:
-        """The equations near the motion from a state that nearly comes back after a period, with
-        the excitation that feeds what is dissipated then.
+        """Equations near the motion from a state that nearly returns after a period, with the
+        excitation that balances the dissipation.
 
         Sliders behind springs have settled after half a period.
         """
@@ -192,7 +192,7 @@ class Amplitudes:
             count = max(_SAMPLED, _IN_STEP * len(knots.time))
             times = np.linspace(knots.time[0], knots.time[-1], count + 1)
             steps = np.searchsorted(knots.time, times, side="right") - 1
-            states = motion._states_at(times, np.clip(steps, 0, len(knots.time) - 2))
+            states = motion.states_at(times, np.clip(steps, 0, len(knots.time) - 2))
             n = len(self.mode.shape)
             rates = states[:-1, n : 2 * n]
             twice = np.einsum("ti,ij,tj->t", rates, self.mode.mass, rates)
@@ -207,7 +207,7 @@ class Amplitudes:
         inside = [s for t, s in middles if 0.5 * period <= t <= 1.6 * period]
         t = station_time(k, self.pieces, inside) if inside else 0.75 * period
         step = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-        state = motion._states_at(np.array([t]), np.array([step]))[0]
+        state = motion.states_at(np.array([t]), np.array([step]))[0]
         w = window(motion, self.pieces)
         found = Recurrence(0.0, state, period, 1, np.zeros(len(state)), 0.0)
         return near(problem, self.pieces, w, found)
@@ -294,7 +294,7 @@ class Amplitudes:
     def _shortened(
         self, shooting: Shooting, orbit: Orbit, step: Array, amplitude: float, miss: float
     ) -> tuple[Orbit, float] | None:
-        """The first of the shortened steps that misses less; None if there is none."""
+        """The first of the shortened steps with a smaller residual; None if there is none."""
         # What moves little may be far off in units of its size; period and excitation may not.
         sizes = np.abs(step / _units(shooting, orbit))[[shooting.time, -1]]
         part = min(1.0, ratio(0.3, sizes[0]), ratio(1.0, sizes[1]))
@@ -308,8 +308,8 @@ class Amplitudes:
         return None
 
     def slopes(self, shooting: Shooting, orbit: Orbit) -> Array:
-        """Derivative of the amplitude by the unknowns: where the coordinate turns, a later time
-        changes nothing."""
+        """Derivative of the amplitude with respect to the unknowns: at a turning point, the
+        derivative with respect to time is zero."""
         _, _, at = _ends(orbit.motion, self.swinging.along(orbit.motion))
         gradient = np.zeros(len(orbit.x))
         n = len(self.swinging.state)

@@ -1,10 +1,10 @@
 """Backbones: frequency and damping of a mode over its amplitude, with exact dry friction.
 
-A motion that dies out has no period. The extended periodic motion concept looks at the system that
-is excited by itself in proportion to its mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and asks for the ξ
-with which it has a cycle of a given amplitude. The frequency of the cycle is that of the mode, and
-D = ξ/(2ω) its damping ratio: of linear systems with modal damping both are exact, and where several
-modes do not mix, a response at resonance has nearly the same.
+A decaying motion has no period. The extended periodic motion concept adds self-excitation
+proportional to the mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and determines the ξ for which there is a
+cycle of a given amplitude. The frequency of the cycle is that of the mode, and D = ξ/(2ω) its
+damping ratio: for linear systems with modal damping both are exact, and without interaction of
+modes, the response at resonance has nearly the same values.
 
 References
 ----------
@@ -270,13 +270,7 @@ def backbone(
     [1.414, 1.414, 1.226, 1.049, 1.009]
     """
     values = checked_values(system, parameters)
-    low, high = amplitudes
-    if not 0.0 < low < high < np.inf:
-        raise DeclarationError(
-            "amplitudes", f"({low:g}, {high:g}) is not a range of amplitudes", "Give 0 < low < high"
-        )
-    if isinstance(points, bool) or points < 2:
-        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
+    wanted = _spaced(amplitudes, points)
     excited = self_excited(system, values)
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
@@ -295,7 +289,6 @@ def backbone(
 
     with listing(moved):
         seeker = Amplitudes(excited, values, chosen, moved(of))
-    wanted = np.geomspace(low, high, points)
     work = _Work(seeker, wanted)
     ended: BaseException | None = None
     with limited(time_limit, f"a backbone of {system.name}") as scope, watched("backbone") as show:
@@ -305,23 +298,41 @@ def backbone(
             if not work.found or not scope.ends(why):
                 raise
             ended = why
-    if not work.kept and (chosen.overdamped or work.found):
-        others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped and i != mode]
-        known = [one.damping for one in work.found.values()] or [chosen.damping]
-        remedies = ["choose larger amplitudes if the system hardens", "reduce the damping"]
-        remedies[:0] = [f"choose one of the modes {', '.join(others)}"] if others else []
-        raise DeclarationError(
-            "mode",
-            f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
-            f"oscillations and at least {min(known):.6g} at the amplitudes found, so it does not "
-            "oscillate and has no backbone there",
-            ", or ".join(remedies).capitalize(),
-        )
     if not work.kept:
+        if chosen.overdamped or work.found:
+            raise _overdamped(modes, mode, work)
         raise work.failure or ConvergenceError(
             f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
     return _result(system, values, mode, work, ended)
+
+
+def _spaced(amplitudes: tuple[float, float], points: int) -> Array:
+    """Amplitudes in geometric progression over the requested range, shape (points,)."""
+    low, high = amplitudes
+    if not 0.0 < low < high < np.inf:
+        raise DeclarationError(
+            "amplitudes", f"({low:g}, {high:g}) is not a range of amplitudes", "Give 0 < low < high"
+        )
+    if isinstance(points, bool) or points < 2:
+        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
+    return np.geomspace(low, high, points)
+
+
+def _overdamped(modes: list[LinearMode], mode: int, work: _Work) -> DeclarationError:
+    """The error for a mode that is overdamped at all amplitudes, with the modes that oscillate."""
+    chosen = modes[mode - 1]
+    others = [str(i) for i, one in enumerate(modes, 1) if not one.overdamped and i != mode]
+    known = [one.damping for one in work.found.values()] or [chosen.damping]
+    remedies = ["choose larger amplitudes if the system hardens", "reduce the damping"]
+    remedies[:0] = [f"choose one of the modes {', '.join(others)}"] if others else []
+    return DeclarationError(
+        "mode",
+        f"mode {mode} is overdamped: its damping ratio is {chosen.damping:.6g} for small "
+        f"oscillations and at least {min(known):.6g} at the amplitudes found, so it does not "
+        "oscillate and has no backbone there",
+        ", or ".join(remedies).capitalize(),
+    )
 
 
 class _Work:
@@ -337,12 +348,13 @@ class _Work:
 
     @property
     def kept(self) -> dict[int, AtAmplitude]:
-        """The cycles found, without those at which a mode is overdamped that is for small ones."""
+        """The cycles found, without those at which a mode that is overdamped for small amplitudes
+        is still overdamped."""
         linear = self.seeker.mode.overdamped
         return {i: one for i, one in self.found.items() if not (linear and one.overdamped)}
 
     def run(self, show: Callable[[float, str], None]) -> None:
-        """Begin somewhere and follow both ways, until there is nowhere left to begin."""
+        """Start at each amplitude without a cycle, and continue in both directions."""
         for i in _order(len(self.wanted)):
             if i not in self.found:
                 self._begin(i, float(self.wanted[i]), show)
@@ -352,8 +364,8 @@ class _Work:
             self._begin(0, float(self.wanted[0]) * _SMALLER**power, show)
 
     def _begin(self, i: int, amplitude: float, show: Callable[[float, str], None]) -> None:
-        """Begin at an amplitude, and follow to the i-th and those behind it, and to those before
-        it."""
+        """Start at an amplitude, and continue to the i-th and the following amplitudes, and to the
+        preceding ones."""
         try:
             first = self.seeker.first(amplitude)
         except (StickslipError, ArithmeticError, np.linalg.LinAlgError) as failure:
@@ -395,7 +407,7 @@ class _Work:
 
 
 def _order(count: int) -> list[int]:
-    """Where to begin: the first, the last, the one between, and so on."""
+    """Order of the starts: the first, the last, the middle, and so on by bisection."""
     order = [0, count - 1]
     step = count - 1
     while step > 1:
@@ -415,7 +427,7 @@ def _result(
     work: _Work,
     ended: BaseException | None,
 ) -> Backbone:
-    """Everything that was found, as one result."""
+    """The result of all cycles found."""
     import xarray as xr
 
     swinging, linear = work.seeker.swinging, work.seeker.mode
@@ -486,16 +498,16 @@ def _measured(system: System, linear: LinearMode, one: AtAmplitude) -> dict[str,
 
 
 def _harmonic(cycle: Cycle, swinging: Swinging) -> tuple[complex, float]:
-    """The first harmonic of the quantity, and the change by the last halving of the panels of what
-    does not follow from the harmonics of the state."""
+    """The first harmonic of the quantity, and the change by the last halving of the panels of the
+    part that does not follow from the harmonics of the state."""
     asked = {swinging.name: swinging.value}
     found, errors = harmonics_of(cycle.trajectory, asked, cycle.harmonic, 1)
     return found[swinging.name], errors[swinging.name]
 
 
 def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
-    """The largest in a period: at samples, at closer ones around the highest of them, and by the
-    parabola through the highest of these."""
+    """Largest kinetic energy in a period, from samples, refined samples around the largest, and the
+    parabola through the largest of these."""
     n = len(mass)
 
     def energies(part: Array) -> Array:

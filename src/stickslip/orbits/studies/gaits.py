@@ -103,7 +103,7 @@ class GaitStudy(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether there is any gait."""
+        """Whether a gait was found."""
         walks = bool(np.any(self.dataset["walks"]))
         return Completion.FINISHED if walks else Completion.NOTHING_FOUND
 
@@ -166,10 +166,9 @@ def gait_study(
     -------
     GaitStudy
         Its dataset has over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift
-        in a period),
-        ``largest_multiplier`` (modulus), ``energy_per_distance`` and ``amplitude_…`` (half the
-        range) of the states that do not drift. All are 0 where no gait was found; ``note`` says
-        why.
+        in a period), ``largest_multiplier`` (modulus), ``energy_per_distance`` and ``amplitude_…``
+        (half the range) of the states that do not drift. All are 0 if no gait was found; ``note``
+        gives the reason.
 
     Raises
     ------
@@ -299,7 +298,7 @@ def _bisect(
     test: Callable[[float, Cycle | None], Cycle | str | None],
     tolerance: float,
 ) -> Threshold:
-    """Halve the span; `test` gives a reason (str) where nothing moves."""
+    """Bisect the span; `test` returns a reason (str) if nothing moves."""
     ends = checked_range(system, parameter, span)
     low, high = (test(end, None) for end in ends)
     if isinstance(low, str) == isinstance(high, str):

@@ -1,15 +1,15 @@
-"""Hysteresis operators: two rate-independent coordinates that another one drives, as in [M] section
+"""Hysteresis operators: two rate-independent coordinates driven by another one, as in [M] section
 4.3.
 
-Where the friction of two coordinates x, y with one distance d = x − y depends on a third one, ψ,
-the force balances say G⁻(ψ) ≤ d ≤ G⁺(ψ), ḋ ≤ 0 on G⁺, ḋ ≥ 0 on G⁻ and ḋ = 0 between. So ψ ↦ d is a
-play between two curves, which knows no speed. The curves are read off the declaration, so that
-nothing here knows the toy: its X, ψ₂, ψ₃ are heights and crossings of the curves, and the closed
-forms of them stand with its declaration in the catalogue.
+If the friction of two coordinates x, y with the distance d = x − y depends on a third one, ψ, the
+force balances are G⁻(ψ) ≤ d ≤ G⁺(ψ), ḋ ≤ 0 on G⁺, ḋ ≥ 0 on G⁻ and ḋ = 0 between. So ψ ↦ d is a
+rate-independent play between two curves. The curves follow from the declaration of any such system:
+X, ψ₂, ψ₃ of the toy are heights and crossings of the curves, whose closed forms are in its
+declaration in the catalogue.
 
-A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), since every d ↦ clip(d,
-G⁻, G⁺) does and so does what is composed of them. From this follows return-point memory: there,
-back and there again is the same as there.
+A swing of ψ from one value to another acts on d as d ↦ clip(d, low, high), since compositions of
+maps d ↦ clip(d, G⁻, G⁺) have this form. This implies return-point memory: a swing forth, back and
+forth again has the same result as the first swing forth.
 
 References
 ----------
@@ -95,7 +95,7 @@ class PiecewiseAffine:
 
 
 def _beyond(curve: PiecewiseAffine, level: float) -> Array:
-    """How far left of the first and right of the last node a level is passed at the latest."""
+    """Distance beyond the first and last node within which a level is passed."""
     steps: list[float] = []
     for height, slope, side in zip(curve.values[[0, -1]], curve.slopes, (-1.0, 1.0), strict=True):
         away = (level - height) / slope if slope else 0.0

@@ -119,7 +119,7 @@ class RingDown(Result):
 
     @property
     def outcome(self) -> Completion:
-        """Whether there is any half-cycle, and the motion was completed."""
+        """Whether there is a half-cycle, and the motion was completed."""
         if self.interrupted:
             return Completion.INTERRUPTED
         if self.time_up:
@@ -296,17 +296,17 @@ def ring_down(
 
 
 def _arrived(outcome: Outcome) -> bool:
-    """Whether a motion came to its end, or to rest for good."""
+    """Return whether a motion reached the end of its span, or permanent rest."""
     return outcome.ok or outcome is Outcome.AT_REST
 
 
 def _check_free(system: System, values: Mapping[str, float]) -> None:
-    """See that nothing depends on time.
+    """Check that the system does not depend on time.
 
     Raises
     ------
     DeclarationError
-        If something does, with what it is.
+        If it does; the message names the drive, force or formula.
     """
     equations = derive(system.declaration)
     if not equations.timed:
@@ -341,8 +341,8 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
 
 
 def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningPoints, list[str]]:
-    """The turning points between which amplitudes are well above the accuracy, and what is to be
-    said of them."""
+    """The turning points between which amplitudes are well above the accuracy, and notes on
+    them."""
     notes = list[str]()
     amplitude = 0.5 * np.abs(np.diff(turns.position))
     least = _LEAST * motion.rtol * float(np.max(amplitude, initial=0.0))
@@ -378,7 +378,7 @@ def _dataset(trace: SwingTrace, name: str, turns: TurningPoints) -> xarray.Datas
         index = np.searchsorted(k.clock, clock, side="right") - 1
         return np.clip(index, 0, len(k.clock) - 1)
 
-    there = motion._values(turns.clock, steps(turns.clock))
+    there = motion.values_at(turns.clock, steps(turns.clock))
     duration = np.diff(turns.clock)
     amplitude = 0.5 * np.abs(np.diff(turns.position))
     decrement = np.full(len(amplitude), np.nan)

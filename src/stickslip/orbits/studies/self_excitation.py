@@ -70,7 +70,7 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
     Parameters
     ----------
     values : mapping of str to float
-        Of all parameters. Where one that is zero switches a drive off, it is left out.
+        Values of all parameters. Drives that a zero parameter switches off are omitted.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
     Raises
     ------
     DeclarationError
-        If time acts on it, it has no mass, its mass depends on the state, or states jump.
+        If the system depends on time, has no mass, its mass depends on the state, or states jump.
     """
     d = system.declaration
     if not d.inertial:
@@ -172,7 +172,7 @@ def _undriven(system: System, values: Mapping[str, float]) -> System:
 
 
 def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode]:
-    """Modes of small oscillations while sliders behind springs stick and nothing rubs, the lowest
+    """Modes of small oscillations without slip, with sliders behind springs sticking, the lowest
     first.
 
     Parameters
@@ -183,7 +183,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
     Raises
     ------
     ConvergenceError
-        If there is no rest near 0 nor near the initial positions.
+        If there is no equilibrium near 0 or near the initial positions.
     DeclarationError
         If no mode is stable.
     """

@@ -54,7 +54,7 @@ class Swinging:
         if row is not None and rates is not None:
 
             def linear(clock: Array, index: AnyArray) -> tuple[Array, Array]:
-                states = motion._retraced.states(clock, index)
+                states = motion.dense_output.states(clock, index)
                 values = states @ row
                 return values + offset if offset else values, states @ rates
 

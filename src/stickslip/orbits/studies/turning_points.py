@@ -66,17 +66,17 @@ class TurningPoints:
     Attributes
     ----------
     clock : array, shape (n,)
-        Times since the origin; where it rests, when it has come to rest, and at the start of the
-        motion, when it leaves it.
+        Times since the origin; for a rest, the time of its beginning, or of its end if it is at the
+        start of the motion.
     position : array, shape (n,)
     rest : array, shape (n,)
-        How long it rests there.
+        Duration of the rest there.
     fault : float
         Largest velocity at the roots, relative to the largest one of the motion.
     stops : bool
         Whether it rests at the last one, until the end.
     fades : bool
-        Whether its velocity becomes too small to be told from zero, without a rest.
+        Whether its velocity becomes indistinguishable from zero without a rest.
     """
 
     clock: Array
@@ -126,7 +126,7 @@ def turning_points(followed: SwingTrace) -> TurningPoints:
 
 
 def _switched(followed: SwingTrace, step: int, clock: float) -> bool:
-    """Whether a time is that of a switch: what fades away never comes to rest."""
+    """Return whether a time is that of a switch: a decaying oscillation never comes to rest."""
     k = followed.motion.knots
     knot = step + 1 if clock == k.clock[step + 1] else step
     return bool(clock == k.clock[knot] and k.cause[knot] >= 0)
@@ -182,7 +182,7 @@ def _judged(
     high: tuple[AnyArray, ...],
     size: tuple[float, float, float],
 ) -> tuple[AnyArray, AnyArray, Array]:
-    """Which pieces are no cubics yet; of the others, which may turn twice, and where.
+    """Pieces that are not yet cubics; of the others, those that may turn twice, and the places.
 
     Parameters
     ----------

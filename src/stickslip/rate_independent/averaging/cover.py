@@ -28,10 +28,10 @@ class Looked(NamedTuple):
     Attributes
     ----------
     phases, excess : ndarray of shape (k,)
-        Ends of stretches, and how far the force lies outside K(s) there.
+        Ends of phase intervals, and the excess of the force over K(s) there.
     bound : float
-        It lies no farther outside any K(s); infinite if the search ended because it lies too far
-        outside already.
+        Upper bound of the excess over all phases; infinite if the search was ended by a larger
+        excess.
     """
 
     phases: Array
@@ -71,11 +71,11 @@ class Cover:
         return len(self) + 1
 
     def look(self, xi: Array, enough: float, touching: Array = NO_PHASES) -> Looked:
-        """Phases at which ξ lies outside K(s); once it does by more than `enough`, the search need
-        not go on.
+        """Phases at which ξ lies outside K(s); the search may end once its excess is larger than
+        `enough`.
 
-        Phases at which it is known to touch K(s), shape (k,), may be given: around them, and where
-        it seems to touch besides, bounds of second order need no fine stretches.
+        Phases at which ξ is known to touch K(s), shape (k,), may be given: around them, and around
+        other apparent contacts, second-order bounds avoid fine subdivision.
         """
         phases = []
         found = []
@@ -88,8 +88,7 @@ class Cover:
         return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
 
     def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
-        """What is proved around phases at which ξ touches K(s), and around others at which it seems
-        to."""
+        """Second-order bounds around phases at which ξ touches, or appears to touch, K(s)."""
         known = (np.abs(peaks[:, None] - touching) < _BESIDE).any(axis=1)
         phases = (
             np.append(touching, self.source.closest(peaks[~known], xi))
@@ -101,16 +100,16 @@ class Cover:
         return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
 
     def _peaks(self, start: Array, end: Array, open_: Index) -> Array:
-        """Where forces on the first stretches lie farthest outside, one phase for each row of
-        stretches in question."""
+        """Phases of the largest excess of forces on the first intervals, one for each row of
+        undecided intervals."""
         (k,) = np.nonzero(open_)
         ends = np.maximum(start, end)
         tops = [row[ends[row].argmax()] for row in np.split(k, np.flatnonzero(np.diff(k) > 1) + 1)]
         return np.where(start[tops] > end[tops], self.low[tops], self.high[tops])
 
     def excess(self, xi: Array, enough: float) -> Array:
-        """How far forces, shape (q, n), may lie outside any K(s), shape (q,), up to `enough` or a
-        part of itself."""
+        """Upper bounds of the excess of forces, shape (q, n), over all K(s), shape (q,), accurate
+        to `enough` or a fraction of the excess."""
         worst = np.full(len(xi), -np.inf)
         for which, _, start, end, done in self._levels(xi, enough, share=_SHARE):
             np.maximum.at(worst, which, np.maximum(np.maximum(start, end), done))
@@ -119,12 +118,11 @@ class Cover:
     def _levels(
         self, xi: Array, enough: float, touching: Array | None = None, share: float | None = None
     ) -> Iterator[tuple[Index, Index, Array, Array, Array]]:
-        """Level after level: which force, on which stretch, how far outside at its ends, and at
-        most.
+        """Levels of the subdivision: force, interval, excess at its ends, and upper bound.
 
-        That is −∞ for stretches that are divided: those in which it may be more than `enough`, and
-        by that share more than what was seen; without a share, none once the force was seen outside
-        by more than `enough`.
+        The bound is −∞ for intervals that are divided: those in which it may exceed `enough`, and
+        the observed excess by the given fraction; without a fraction, none once the observed excess
+        is larger than `enough`.
         """
         which = np.repeat(np.arange(len(xi)), self.roots)
         active = np.tile(np.arange(self.roots), len(xi))

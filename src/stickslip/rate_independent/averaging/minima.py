@@ -91,13 +91,13 @@ def _scan(signal: Signal) -> tuple[Array, Array, NDArray[np.intp], Array]:
 
 
 def is_bracket(before: Array, here: Array, after: Array) -> NDArray[np.bool_]:
-    """Whether the middle of three samples is least, and not all are equal."""
+    """Return whether the middle of three samples is least, and not all are equal."""
     return (here <= before) & (here <= after) & ((here < before) | (here < after))
 
 
 def expected_low(before: Array, here: Array, after: Array) -> Array:
-    """How low a function can be expected between three samples: as low as lines of the outer slopes
-    would take it."""
+    """Expected minimum of a function between three samples: the intersection of lines with the
+    outer slopes."""
     with np.errstate(invalid="ignore"):
         return here - (before - here) - (after - here)
 

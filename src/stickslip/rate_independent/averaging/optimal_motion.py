@@ -17,18 +17,18 @@ VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, of the largest
 def measure_with_sum(
     source: Dissipation, V: Array, phases: Array, motions: Array, xi: Array, violation: float
 ) -> OptimalMotion:
-    """A measure with the sum V, what it costs, and what a force ξ says about the least cost.
+    """A measure with the sum V, its cost, and the lower bound of the minimum from a force ξ.
 
     Parameters
     ----------
     V : array, shape (n,)
     phases : array, shape (k,)
     motions : array, shape (k, n)
-        Of the measure, whose sum is V up to rounding.
+        Of the measure; their sum is V up to rounding.
     xi : array, shape (n,)
         A force.
     violation : float
-        How far it may lie outside K(s), at most.
+        Upper bound of its excess over K(s).
     """
     moving = np.abs(motions).max(axis=1) > FEW_ROUNDINGS * np.abs(V).max(initial=0.0)
     together, sums = gathered(phases[moving], motions[moving])
@@ -49,7 +49,7 @@ def gathered(phases: Array, motions: Array) -> tuple[Array, Array]:
 
 
 def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> OptimalMotion:
-    """Each component moves at a phase of its own."""
+    """Each component moves at a different phase."""
     moving = V != 0
     phases, place = np.unique(when[moving], return_inverse=True)
     if len(phases) * len(V) > _MOST_NUMBERS:

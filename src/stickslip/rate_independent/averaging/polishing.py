@@ -30,18 +30,18 @@ _SLOW = 1e-8  # below this, what falls slowly is rounding
 
 @dataclass(frozen=True, eq=False)
 class HeldForce:
-    """A force ξ and what holds it: motions v_k at phases s_k.
+    """A force ξ and its multipliers: motions v_k at phases s_k.
 
     Attributes
     ----------
     violation : float
-        How far ξ was seen to lie outside any K(s).
+        Largest observed excess of ξ over K(s).
     bound : float
-        It lies no farther outside at any phase.
+        Upper bound of the excess over all phases.
     violated : sequence of float
         Phases at which it lies outside, the worst first.
     sets : Sampled
-        K(s) at its phases, once it was looked at.
+        K(s) at its phases, once computed.
     """
 
     xi: Array
@@ -58,7 +58,7 @@ class HeldForce:
         return self.motions.sum(axis=0)
 
     def balanced(self, c: Array, Q: Array | None) -> HeldForce:
-        """With motions whose sum is exactly c − Qξ: the largest one takes what is left."""
+        """The force with motions whose sum is exactly c − Qξ: the largest one is corrected."""
         motions = self.motions.copy()
         rest = c - motions.sum(axis=0) - (0.0 if Q is None else Q @ self.xi)
         motions[int(np.linalg.norm(motions, axis=1).argmax())] += rest
@@ -78,7 +78,7 @@ class HeldForce:
         return replace(self, phases=np.array(means), motions=sums, sets=None)
 
     def gap(self, source: Dissipation) -> float:
-        """Duality gap: what the motions cost, less what the force does on them."""
+        """Duality gap: cost of the motions, less the work of the force on them."""
         sets = source.sampled(self.phases) if self.sets is None else self.sets
         cost = float(sets.support(self.motions).sum())
         lengths = float(np.linalg.norm(self.motions, axis=1).sum())
@@ -91,8 +91,9 @@ def refined(
     """Newton's method for ξ, v_k and s_k at once, from close to the solution.
 
     Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k
-    from K(s), whose square is differentiable in s even where Ψ(s, v_k) has a kink. Derivatives are
-    differences, in s no wider than half of what K(s) changes on, `scales`, shape (k,).
+    from K(s), whose square is differentiable in s even at kinks of Ψ(s, v_k). Derivatives are
+    differences, whose width in s is at most half of the scale on which K(s) changes, `scales`,
+    shape (k,).
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def refined(
     Q : array, shape (n, n), optional
         Symmetric; 0 if it is not given.
     size : float
-        That of the sets, in which ξ is measured.
+        Size of the sets, the unit of ξ.
     scales : array, shape (k,)
     """
     n = len(c)

@@ -1,12 +1,12 @@
-"""K_av = ∩ₛ K(s) by semi-infinite exchange: phases whose constraint is violated join, until none
-is.
+"""K_av = ∩ₛ K(s) by semi-infinite exchange: phases with violated constraints are added until none
+remains.
 
-Both questions asked of K_av, its support function and its nearest points, are one program: the ξ in
-all K(s) with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩. Its multipliers v_k at finitely many phases s_k have the
-sum c − Qξ; for Q = 0 they are the measure of [M] (2.3). A round solves the program for a few
-phases, moves neighbouring ones together where that is cheaper, and adds those at which ξ lies
-farthest outside. Close to the solution, Newton's method for ξ, v_k and s_k ends the search (R.
-Hettich and K. O. Kortanek, *Semi-infinite programming*, SIAM Review 35 (1993) 380-429).
+The support function and the nearest points of K_av are solutions of the same program: the ξ in all
+K(s) that minimises ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩. Its multipliers v_k at finitely many phases s_k have the sum
+c − Qξ; for Q = 0 they are the measure of [M] (2.3). A round solves the program for a few phases,
+merges neighbouring ones if that reduces the cost, and adds those at which the excess of ξ is
+largest. Close to the solution, Newton's method for ξ, v_k and s_k completes the search (R. Hettich
+and K. O. Kortanek, *Semi-infinite programming*, SIAM Review 35 (1993) 380-429).
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Intersection(Average):
         return not self._beyond(xi, noise) and _worst(self._look(xi)) <= noise
 
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ lies in every K(s), up to the tolerance of the average at least."""
+        """Return whether ξ lies in every K(s), up to the tolerance of the average at least."""
         xi = self.vector(xi, "xi")
         enough = max(tolerance * float(np.linalg.norm(xi)), self.tolerance * self.size)
         return self.cover.look(xi, enough).bound <= enough
@@ -175,7 +175,7 @@ class Intersection(Average):
         return FixedTogether(ends, ends)
 
     def excesses(self, xi: Array) -> Array:
-        """How far forces, shape (m, n), lie outside, shape (m,)."""
+        """Excess of forces, shape (m, n), over K_av, shape (m,)."""
         known = [self._known(row) for row in xi]
         excess = np.array(
             [_worst(looked) if looked and np.isfinite(looked.bound) else np.nan for looked in known]
@@ -205,7 +205,7 @@ class Intersection(Average):
 
     @cached_property
     def _looked(self) -> deque[Looked]:
-        """What was looked at last; the forces themselves are rows of an array that goes around."""
+        """Phases of the last evaluations; the forces are rows of a circular buffer."""
         return deque(maxlen=_LOOKS)
 
     @cached_property
@@ -213,8 +213,8 @@ class Intersection(Average):
         return np.full((_LOOKS, self.dimension), np.inf)
 
     def _beyond(self, xi: Array, least: float) -> bool:
-        """Whether ξ is seen to lie outside by more than that at the phases that held the last
-        force."""
+        """Return whether the excess of ξ is larger than a limit at the phases of the last
+        multipliers."""
         sets = self._forces[-1].sets if self._forces else None
         return sets is not None and float(sets.excess(xi).max()) > least
 
@@ -330,7 +330,7 @@ class Intersection(Average):
         return HeldForce(y, np.array([s]), (Q @ (xi - y))[None])
 
     def _gap(self, held: HeldForce, c: Array, Q: Array | None) -> float:
-        """Duality gap, relative to what is moved; infinite as long as ξ is outside K_av."""
+        """Duality gap, relative to the motion; infinite while ξ is outside K_av."""
         if held.bound > self.tolerance * self.size:
             return np.inf
         moved = float(np.linalg.norm(c if Q is None else held.motions, axis=-1).sum())
@@ -339,8 +339,8 @@ class Intersection(Average):
         return held.gap(self.source) / (self.size * max(moved, least))
 
     def _refined(self, held: HeldForce, c: Array, Q: Array | None) -> HeldForce:
-        """What Newton's method makes of it, once that can be hoped for; neighbouring phases may be
-        one."""
+        """Result of Newton's method, once convergence is likely; neighbouring phases may be
+        merged."""
         if held.violation > _NEAR * self.size:
             return held
         one = held.merged(_CLUSTER)
@@ -373,7 +373,7 @@ class Intersection(Average):
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
 
     def _judged(self, held: HeldForce) -> HeldForce:
-        """What is outside K(s), at the phases that hold ξ and at all others."""
+        """Excess over K(s), at the phases of the multipliers and at all others."""
         looked = self._look(held.xi, held.phases)
         sets = self.source.sampled(held.phases)
         violation = max(float(looked.excess.max()), float(sets.excess(held.xi).max()), 0.0)
@@ -387,7 +387,7 @@ class Intersection(Average):
         )
 
     def _peaks(self, looked: Looked, xi: Array) -> list[float]:
-        """Phases at which ξ lies outside K(s) farther than beside them, the worst first."""
+        """Local maxima of the excess of ξ over K(s), the largest first."""
         phases, first = np.unique(wrapped(looked.phases), return_index=True)
         excess = looked.excess[first]
         if len(phases) < 3:
@@ -455,7 +455,7 @@ def _worst(looked: Looked) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Together(OneByOne):
-    """An intersection for many forces at once."""
+    """An intersection for many forces simultaneously."""
 
     potential: Intersection
 
@@ -465,7 +465,7 @@ class Together(OneByOne):
 
 @dataclass(frozen=True, eq=False)
 class FixedTogether(Fixed):
-    """An average, asked for all its forces together."""
+    """An average, evaluated for all its forces together."""
 
     start: Together
     end: Together
@@ -480,10 +480,11 @@ class FixedTogether(Fixed):
 
 
 def lineality(average: Average, least: float) -> Array:
-    """Orthonormal basis, shape (n, k), of the directions in which K_av is no wider than `least`.
+    """Orthonormal basis, shape (n, k), of the directions in which the width of K_av is at most
+    `least`.
 
-    They are the complement of the span of K_av. In a generic direction of the complement of what is
-    known to be spanned K_av has width 0 only if nothing is missing.
+    They are the complement of the span of K_av. In a generic direction of the complement of a
+    subspace of the span, K_av has width 0 only if the subspace is the span.
     """
     n = average.dimension
     rng = np.random.default_rng(0)

@@ -86,8 +86,8 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         return f"sqrt({' + '.join(terms) or '0'})"
 
     def _axes(self, S: Array, phases: Array) -> tuple[Array, Array, Array]:
-        """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is
-        rounding of them (m,)."""
+        """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and their rounding
+        errors (m,)."""
         size = np.abs(S).max(axis=(1, 2))
         transposed = S.transpose(0, 2, 1)
         lopsided = np.abs(S - transposed).max(axis=(1, 2))
@@ -187,7 +187,8 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 
 
 def _axes(S: Array) -> tuple[Array, Array, Array]:
-    """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
+    """Eigenvectors and eigenvalues of matrices (m, n, n), and rounding errors of the
+    eigenvalues."""
     squares, axes = np.linalg.eigh(S / 2 + S.transpose(0, 2, 1) / 2)  # a sum of two may overflow
     return axes, squares, ROUNDED_TERM * S.shape[1] * np.abs(S).max(axis=(1, 2))
 

@@ -39,17 +39,17 @@ _MOST_BOXES = 4000  # in which the radius of a ball is proved
 
 
 class Nearby(NamedTuple):
-    """A point of K(s) that is as close to a force as any.
+    """The point of K(s) nearest to a force.
 
     Attributes
     ----------
     y : ndarray of shape (n,)
-        The point: the force, or a gradient of Ψ(s, ·), or on kinks what
-        :meth:`NormalSearch.on_face` says.
+        The point: the force, or a gradient of Ψ(s, ·), or on kinks the result of
+        :meth:`NormalSearch.on_face`.
     gauge : float
         Of the force; NaN if it was not needed.
     v : ndarray of shape (n,), optional
-        What is normal to K(s) where the ray through the force leaves it.
+        Normal to K(s) at the boundary point on the ray through the force.
     """
 
     y: Array
@@ -187,8 +187,8 @@ class FormulaSets(Dissipation):
     def _nearest(
         self, xi: Array, s: float, M: Array | None, start: Array | None = None
     ) -> tuple[Array, Normal | None]:
-        """The nearest point, with what is normal to K(s) there; None if ξ is inside, or what is
-        normal is not known to rounding."""
+        """The nearest point, with the normal to K(s) there; None if ξ is inside, or the normal is
+        not accurate to rounding."""
         if float(np.linalg.norm(xi)) <= self.inradius:
             return xi.copy(), None
         others = self._others(s)
@@ -244,7 +244,7 @@ class FormulaSets(Dissipation):
         return Nearby(inside, gauge, ray.v) if away <= ROUNDED_SUM * np.linalg.norm(xi) else None
 
     def depth(self, xi: Array, near: Nearby, s: float) -> float:
-        """How far ξ lies outside K(s); inside, minus how far at least it lies inside.
+        """Distance of ξ from K(s); inside, minus a lower bound of the distance to the boundary.
 
         Parameters
         ----------
@@ -263,7 +263,7 @@ class FormulaSets(Dissipation):
         return self.inradius * (min(gauge, 1.0) - 1.0) if self.inradius else 0.0
 
     def _on_ray(self, xi: Array, s: float, start: Array | None = None) -> Normal | None:
-        """Where the ray through ξ ≠ 0 leaves K(s); None if that is not found to rounding."""
+        """Boundary point of K(s) on the ray through ξ ≠ 0; None if it is not found to rounding."""
         others = self._others(s)
         for begin in (start, None) if start is not None else (None,):
             found = self._search.found(xi, None, others, begin)
@@ -302,7 +302,8 @@ class FormulaSets(Dissipation):
         return {name: (low[i], high[i]) for i, name in enumerate(self.convex.names)}
 
     def _deviations(self, low: Array, high: Array) -> Array:
-        """How far Ψ(·, v) may be from a straight line on stretches of phases, for max |vᵢ| = 1."""
+        """Bounds of the deviation of Ψ(·, v) from a straight line on phase intervals, for max |vᵢ|
+        = 1."""
         value = self.convex.value
         slope = ex.derivative(value, _PHASE)
         count = len(next(iter(self._faces.values()))[0])
@@ -345,7 +346,7 @@ class SampledFormula(OneByOne):
         return np.array(rows).reshape(len(rows), self.potential.dimension)
 
     def _each(self, xi: Array) -> Iterator[tuple[Array, Nearby, float]]:
-        """Force after force: what was found of one is where the next search starts."""
+        """Solve for successive forces; each search starts from the previous result."""
         start = None
         for row, s in self._rows_of(xi):
             near = self.potential.near(row, s, start)

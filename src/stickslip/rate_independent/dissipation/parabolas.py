@@ -1,10 +1,10 @@
 """Symmetric matrices of the phase that become singular: bounds of second order around a phase.
 
-Where S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its least eigenvalue
-is like a parabola, and no chord shows that it does not fall below 0, however short. From S(c),
-S′(c) and an enclosure of S″ on a stretch around c the parabola is bounded from below, and its own
-vertex is at c up to rounding. So stretches that are short enough for S″ to be nearly constant will
-do, whatever the tolerance.
+If S(s) − ξξᵀ is singular at a phase c and positive semidefinite around it, its smallest eigenvalue
+is approximately a parabola, and bounds by chords cannot prove that it is nonnegative, however short
+they are. From S(c), S′(c) and an enclosure of S″ on an interval around c the parabola is bounded
+from below, with its vertex at c up to rounding. So intervals on which S″ is nearly constant suffice
+for any tolerance.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Parabolas:
 
     @classmethod
     def of(cls, matrix: Signal) -> Parabolas:
-        """Those of a matrix."""
+        """Create the bounds for a matrix."""
         edges = np.arange(CELLS + 1) / CELLS
         cell = np.arange(CELLS)
         low, high = edges[:-1], edges[1:]
@@ -71,20 +71,20 @@ class Parabolas:
         return cls(matrix, *(np.array(part) for part in zip(*rows, strict=True)))
 
     def around(self, phases: Array, xi: Array) -> tuple[Array, Array, Array, Array]:
-        """How far S(s) − ξξᵀ may fall below 0 around phases, shape (k,).
+        """Bounds of the negative eigenvalues of S(s) − ξξᵀ around phases, shape (k,).
 
         Along w, the eigenvector of its least eigenvalue at c, it is at least a₀ + a₁t + ½(a₂ − r)t²
-        for s = c + t, and on the other directions at least μ; what couples them is at most β|t|. So
-        no eigenvalue falls below the least value of the first, less β²t²/μ (Schur complement).
+        for s = c + t, and on the other directions at least μ; the coupling is at most β|t|. So no
+        eigenvalue is smaller than the minimum of the first bound less β²t²/μ (Schur complement).
 
         Returns
         -------
         low, high : ndarray of shape (r, k)
-            Stretches around the phases, for every reach.
+            Intervals around the phases, for every half-width.
         below : ndarray of shape (r, k)
-            No eigenvalue of S(s) − ξξᵀ is less than minus that; infinite where that is not known.
+            All eigenvalues of S(s) − ξξᵀ are at least minus this value; infinite if unknown.
         least : ndarray of shape (r, k)
-            No eigenvalue of S(s) is less.
+            Lower bound of the eigenvalues of S(s).
         """
         S, values, first, second, cell = self._along(phases, xi)
         low = self.low[:, cell]

@@ -70,8 +70,8 @@ class SampledHalfspaces(RowWise, AtPhases):
         )
 
     def excess(self, xi: Array) -> Array:
-        """The distance from the half-spaces, which may be less than that from what they have in
-        common."""
+        """The largest distance from a half-space, a lower bound of the distance from their
+        intersection."""
         return (self.beyond(xi) / self.sizes).max(axis=1)
 
     def nearest(self, xi: Array) -> Array:
@@ -188,8 +188,8 @@ def sampled_hulls(potential: Polytope, phases: Array, points: Array) -> SampledH
 
 
 def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
-    """Which hulls of points in the plane (m, k, 2) have an inside, and the normals and offsets of
-    their facets.
+    """Convex hulls of points in the plane (m, k, 2): whether they have an interior, and the normals
+    and offsets of their facets.
 
     A facet is a line through two points with all others on one side. Rows with fewer facets have
     one repeatedly.
@@ -239,11 +239,11 @@ class StretchesOfHulls(RowWise, Stretches[SampledHulls]):
 
 
 def _held(start: Array, end: Array, before: Array, after: Array) -> float:
-    """How far a force that goes straight may leave a hull whose points go straight.
+    """Bound of the excess of an affine force over a hull of affine points.
 
-    Weights u with Σ u_k p_k = ξ at both ends, taken of the few points that hold the force in the
-    middle, go straight as well: then Σ u_k p_k leaves the force by a quarter of Σ Δu_k Δp_k at
-    most, and by what is missing at the ends.
+    Weights u with Σ u_k p_k = ξ at both ends, from the few points that support the force in the
+    middle, are interpolated linearly: then Σ u_k p_k differs from the force by at most a quarter of
+    Σ Δu_k Δp_k, plus the residuals at the ends.
     """
     chosen = np.flatnonzero(weights_in_hull(0.5 * (start + end), 0.5 * (before + after)) > 0.0)
     p, q = start[chosen], end[chosen]

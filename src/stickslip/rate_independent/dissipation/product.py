@@ -165,7 +165,7 @@ class AveragedProduct(Average, Product):
 
     @cached_property
     def _together(self) -> Intersection:
-        """All factors at once: what was found of it is where the next search starts."""
+        """All factors together; each search starts from the previous result."""
         return Intersection(self.source, self.tolerance)
 
     def average(self, tolerance: float = 1e-8) -> Self:

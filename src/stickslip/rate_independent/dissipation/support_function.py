@@ -162,9 +162,9 @@ class SupportFunction(Dissipation):
     def _differences(self, v: Array, s: float) -> Array:
         """Subgradient at a unit vector by central differences of fourth order.
 
-        A step is right where the one before agrees and Euler's identity ⟨ξ, v⟩ = Ψ(s, v) holds. If
-        none is, v stands on a kink; a subgradient from close by, beside the kink, then serves as
-        well: it misses Ψ(s, v) by the square of the distance.
+        A step is accepted if the previous one agrees and Euler's identity ⟨ξ, v⟩ = Ψ(s, v) holds.
+        If none is, v is on a kink; a subgradient at a nearby point off the kink is then used: its
+        error in Ψ(s, v) is of the order of the squared distance.
         """
         psi = self._psi(s, v)
         axes = np.eye(self.dimension)

@@ -1,4 +1,4 @@
-"""Weighted l1 norms: every component has its own threshold, K(s) is a box."""
+"""Weighted l1 norms: every component has a separate threshold, and K(s) is a box."""
 
 from __future__ import annotations
 

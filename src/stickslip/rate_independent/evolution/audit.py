@@ -6,17 +6,17 @@ balance (E) of [M] (2.2) holds up to the *defect*, the mean over the step of
     Ψ(s, d) − ⟨ℓ − Aẑ, d⟩   (≥ 0 where ẑ is stable),
 
 measured by Simpson's rule: at the ends, where the solver was, and in the middle, where it was not.
-What the force may leave K by between the ends is the *overshoot*: bounded where load and thresholds
-are formulas or tables, estimated from the same three points where they are functions of Python
+The excess of the force over K between the ends is the *overshoot*: bounded if load and thresholds
+are formulas or tables, estimated from the same three points if they are Python functions
 (``between.py``).
 
 Let z be the exact evolution. As long as ẑ is stable, d/dt ½⟨A(z − ẑ), z − ẑ⟩ = −⟨ξ − ξ̂, ż − dẑ/dt⟩
 is at most Ψ(dẑ/dt) − ⟨ξ̂, dẑ/dt⟩: half the squared error, in the energy norm, grows by no more than
-the defect. While the force overshoots by δ, it may grow by δ|ż| besides, with the size of ż that
-belongs to the sets: the *slack*, in which ż is taken to be that of ẑ. What ẑ does not do at all is
-*missed*: a component that is pushed by δ and moves alone goes by δ/√Aᵢᵢ in the energy norm. What is
-missed does not add up, since a later push in the same direction moves z only by what it is larger;
-the largest counts.
+the defect. While the force overshoots by δ, it may also grow by δ|ż|, in the dual norm of the sets:
+the *slack*, with ż approximated by that of ẑ. Motion of z that ẑ lacks completely is *missed*: a
+component pushed by δ, moving alone, has the displacement δ/√Aᵢᵢ in the energy norm. Missed
+displacements do not add up, since a later push in the same direction moves z only by the excess
+over the earlier one; the largest counts.
 
 A minimising-movement step also has the classical two-sided estimate (ΔE, d, ξ: energy, increment,
 force):
@@ -60,8 +60,7 @@ STEP_COLUMNS = {
 
 @dataclass(frozen=True)
 class EnergyFlow:
-    """Energies up to a moment: what was dissipated and worked, and between which bounds the energy
-    was."""
+    """Energies up to a time: dissipation, work, and bounds of the energy."""
 
     dissipated: float = 0.0
     work: float = 0.0
@@ -97,8 +96,8 @@ class StepBlock:
 
 @dataclass(frozen=True)
 class Measured:
-    """A block of steps that is measured but not accepted, and what the step after each of them has
-    to know."""
+    """A block of steps that is measured but not accepted, with the data that the step after each of
+    them needs."""
 
     block: StepBlock
     loads: Array

@@ -1,11 +1,11 @@
-"""Bounds between the ends of steps: how far a force may leave the stable set.
+"""Bounds between the ends of steps: the excess of the force over the stable set.
 
-Between the ends, z is affine; load and thresholds are on stretches of time as far from straight
-lines as their formulas allow. Where that does not show that the force stays inside, the stretch is
-divided, down to the rounding of time; the steps themselves are not. So a pulse of the load or a dip
-of a threshold that is given by a formula is not stepped over, however short it is. Tables are
-straight between their knots. What is given as a function of Python is known where it is asked for
-only: there the deviation is estimated from the middle of each step.
+Between the ends, z is affine; the deviations of load and thresholds from straight lines on an
+interval are bounded from their formulas. If the bound does not prove that the force stays inside,
+the interval is divided, down to the rounding of time; the steps themselves are not. So a short
+pulse of the load, or a short dip of a threshold, is not missed if it is a formula. Tables are
+linear between their knots. For Python functions the deviation is estimated from the middle of each
+step.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MOST = 200_000  # stretches of one block of steps
 
 
 def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:
-    """How far the force may leave K(s) during each step, shape (m,); at least 0.
+    """Excess of the force over K(s) during each step, shape (m,); at least 0.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _outside(
     step: Index,
     enough: float,
 ) -> tuple[Array, Array, Array]:
-    """How far the force is outside K(s) at both ends of stretches of time, and may be in
+    """Excess of the force over K(s) at both ends of time intervals, and its upper bound in
     between."""
     load = problem.ell.chord(low, high)
     before, after = (

@@ -124,8 +124,8 @@ class SteppedMotion:
 
     @property
     def certificate(self) -> Certificate:
-        """Stability and optimality of the worst step, and what all defects of the energy balance
-        add up to, relative to the energy that flows."""
+        """Stability and optimality of the worst step, and the sum of all defects of the energy
+        balance, relative to the transferred energy."""
         share = self.defect / self.scale if self.scale > 0.0 else 0.0
         residuals = (
             Residual("stability", self.worst["distance"], KKT),

@@ -93,8 +93,8 @@ class Evolution:
 
     @property
     def bounded(self) -> bool:
-        """Whether load and dissipation can be bounded between any two times, and not only evaluated
-        at given ones."""
+        """Whether load and dissipation can be bounded on intervals of time, not only evaluated at
+        given times."""
         return self.ell.bounded and self.dissipation.bounded
 
     def sets(self, times: Array) -> StableSets:

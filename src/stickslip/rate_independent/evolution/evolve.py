@@ -201,7 +201,7 @@ def _filled(stops: Array, longest: float) -> Array:
 
 
 def output_times(output: Any, nodes: Array) -> Array | None:
-    """Times at which z is asked for; None if it is a stride or nothing."""
+    """Requested output times; None for a stride or the default."""
     if output is None or np.ndim(output) == 0:
         if output is not None and not (
             isinstance(output, int | np.integer) and 1 <= output < 2**62
@@ -238,7 +238,7 @@ def merged(nodes: Array, wanted: Array | None) -> Array:
 def _begin(
     problem: Evolution, start: History | None, record: OutputPlan
 ) -> tuple[EvolutionState, OutputPlan]:
-    """The state to go on from, and the record of what came before."""
+    """The state from which to continue, and the record of earlier steps."""
     if start is None:
         state = start_state(problem, problem.span[0], problem.initial)
         zeros = {name: np.zeros(1) for name in STEP_COLUMNS} | {
@@ -284,7 +284,7 @@ class OutputPlan:
     Parameters
     ----------
     output : array, int or None
-        Times, or a stride, or whatever memory allows.
+        Times, or a stride; by default as many values as the memory limit allows.
     """
 
     def __init__(self, output: Any, observables: dict[str, Observable]) -> None:
@@ -310,7 +310,7 @@ class OutputPlan:
         self.blocks: list[tuple[Array, dict[str, Array], Array]] = []
 
     def add(self, block: StepBlock) -> None:
-        """Keep what is to be kept of new steps."""
+        """Store the requested values of new steps."""
         if np.ndim(self.output) == 1:
             chosen = np.isin(block.times, self.output)
         else:
@@ -353,7 +353,7 @@ class OutputPlan:
         self.stride = int(old.attrs["stride"]) if self.output is None else self.stride
 
     def dataset(self, problem: Evolution) -> xarray.Dataset:
-        """Everything as a dataset."""
+        """All stored values as a dataset."""
         import xarray as xr
 
         times = np.concatenate([t for t, _, _ in self.blocks])

@@ -1,4 +1,4 @@
-"""The result of an evolution: data, certificate, file and picture."""
+"""The result of an evolution: data, certificate, file and figure."""
 
 from __future__ import annotations
 

@@ -223,7 +223,7 @@ class EvolutionModel:
         return names.with_derivatives()
 
     def _scope(self, *variables: str) -> Scope:
-        """Parameters stand for their values."""
+        """Scope of formulas, with values for parameters."""
         names = {name: ex.num(value) for name, value in self.values.items()}
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
         drives = measured_drives(self.drives)
@@ -320,5 +320,5 @@ def _evaluated(scope: Scope, value: Any, where: str) -> Any:
 
 
 def _absent(table: object) -> bool:
-    """Whether a table was left out; a number of NumPy has no truth beside ()."""
+    """Return whether a table was omitted; a NumPy number cannot be compared with ()."""
     return isinstance(table, tuple) and not table

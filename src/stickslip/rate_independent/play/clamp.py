@@ -234,12 +234,12 @@ def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array,
 
 
 def samples(given: Any, where: str, finite: bool = False) -> Array:
-    """The numbers as an array of shape (n,) that compiled functions take.
+    """The numbers as an array of shape (n,) for compiled functions.
 
     Raises
     ------
     DeclarationError
-        If they are no numbers, or (if asked) one is not finite; its index is named.
+        If they are not numbers, or (if checked) one is not finite; the message gives its index.
     """
     try:
         values = plain_array(given)

@@ -20,8 +20,8 @@ _SPACINGS = 4.0
 class PlayAudit:
     """Work and violations of a motion, integrated anew from its nodes.
 
-    The `blur` of energy, force and gap is what the rounding of times alone does to them where
-    signals are steep.
+    The `blur` of energy, force and gap is the effect of rounded times on them, relevant for steep
+    signals.
     """
 
     energy: Array
@@ -68,7 +68,7 @@ class PlayMotion:
         return 0.5 * (self.time[k] + self.time[k + 1])
 
     def state(self, t: Array, k: Array) -> PlayState:
-        """Everything at times t, shape (..., intervals), inside the intervals k."""
+        """All quantities at times t, shape (..., intervals), inside the intervals k."""
         mode = self.mode[k]
         start = self.z[k]
         end = self.z[k + 1]
@@ -149,7 +149,7 @@ class PlayMotion:
         """Largest excess of the force over its threshold (or, in motion, distance from it), its
         blur, largest force.
 
-        Taken from what the user gave, not from the polynomials made of it.
+        Evaluated from the original signals, not from their polynomials.
         """
         excess = force = blur = 0.0
         x, _ = np.polynomial.legendre.leggauss(3)

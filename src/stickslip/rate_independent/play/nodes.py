@@ -35,12 +35,12 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlayBounds:
-    """L = (ℓ − ρ⁺)/a and U = (ℓ + ρ⁻)/a, between which z lies.
+    """Bounds of z: L = (ℓ − ρ⁺)/a and U = (ℓ + ρ⁻)/a.
 
     Attributes
     ----------
     load, minus, plus : Panels
-        ℓ, ρ⁻ (what a motion downward has to overcome) and ρ⁺ (upward).
+        ℓ, ρ⁻ (threshold of downward motion) and ρ⁺ (upward).
     stiffness : float
         a.
     """
@@ -94,7 +94,7 @@ def _sum(a: Array, b: Array) -> Array:
 
 
 def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Array) -> None:
-    """See that a threshold is negative nowhere, up to rounding.
+    """Check that a threshold is nonnegative, up to rounding.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Arr
     signal : Panels
         The threshold.
     name : str
-        What the error calls it.
+        Name in the message.
     start, end : array, shape (intervals,)
         Times.
 
@@ -153,7 +153,7 @@ class Nodes(NamedTuple):
     """Times, positions, and the direction of the motion that follows each node (1 up, −1 down, 0 at
     rest).
 
-    A time that stands twice is a jump.
+    A repeated time is a jump.
     """
 
     time: Array
@@ -170,7 +170,7 @@ class Last(NamedTuple):
 
 
 def play_nodes(bounds: PlayBounds, edges: Array, initial: float) -> Nodes:
-    """The play over panels with given edges, from a stable position on.
+    """The play over panels with given edges, from a stable position.
 
     Raises
     ------
@@ -219,8 +219,8 @@ def panel_edges(bounds: PlayBounds, start: float, end: float) -> Array:
 
 
 def _walk(bounds: PlayBounds, start: Array, end: Array, last: Last) -> tuple[Nodes, Last]:
-    """The play over consecutive panels, on from where it ended; the node at the last end is left to
-    what follows."""
+    """The play over consecutive panels, continued from its last position; the node at the last end
+    is omitted, as it belongs to the next part."""
     noise = bounds.noise
     L, U = bounds.pieces(start, end)
     (p, x), (q, y) = (ch.sign_changes(ch.derivatives(c), 0.125 * noise) for c in (L, U))

@@ -182,7 +182,7 @@ def _bounds(
 
 
 def _parts(threshold: Any) -> dict[str, Any]:
-    """A threshold, or both of a pair, by what errors call them."""
+    """A threshold, or both of a pair, by their names in messages."""
     if isinstance(threshold, tuple) and len(threshold) == 2 and not is_table(threshold):
         return {f"threshold[{i}]": part for i, part in enumerate(threshold)}
     return {"threshold": threshold}
@@ -269,7 +269,7 @@ class Play(Result):
     @validated
     def position(self, t: ArrayLike, side: str = "right") -> Any:
         """z at given times alone; see :meth:`at`."""
-        times, k = self._intervals(t, side)
+        times, k = self.intervals(t, side)
         z = self.motion.state(times, k).z
         return z[0].item() if np.ndim(t) == 0 else z.reshape(np.shape(t))
 
@@ -296,14 +296,15 @@ class Play(Result):
         DeclarationError
             If a time is outside the span, or `side` is neither.
         """
-        times, k = self._intervals(t, side)
+        times, k = self.intervals(t, side)
         values = self._values(times, k)
         return {
             name: v[0].item() if np.ndim(t) == 0 else v.reshape(np.shape(t))
             for name, v in values.items()
         }
 
-    def _intervals(self, t: Any, side: str) -> tuple[Array, Array]:
+    def intervals(self, t: Any, side: str) -> tuple[Array, Array]:
+        """Times as a vector, and the index of the interval between nodes that contains each."""
         times = np.ravel(np.asarray(t, dtype=float))
         first, last = self.time[0], self.time[-1]
         if side not in ("left", "right"):
@@ -424,7 +425,7 @@ class Play(Result):
         attributes = {
             name: {"units": "1", "long_name": text} for name, text in _LONG_NAMES.items()
         } | {"mode": _FLAGS}
-        values = self._values(*self._intervals(times, "right"))
+        values = self._values(*self.intervals(times, "right"))
         return xr.Dataset(
             {name: ("time", v, attributes[name]) for name, v in values.items()},
             {"time": ("time", times, {"units": "1", "long_name": "time"})},

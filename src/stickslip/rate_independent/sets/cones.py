@@ -97,10 +97,10 @@ def product_of_cones(forms: Sequence[ConeForm], dimensions: Sequence[int]) -> Co
 
 
 def solve_cones(forms: Sequence[ConeForm], c: Array, Q: Array | None = None) -> tuple[Array, Array]:
-    """The ξ in all sets with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, and what holds it.
+    """The ξ in all sets that minimises ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, and its multipliers.
 
-    Linear programs go to the simplex method of HiGHS, all others to the interior-point method of
-    Clarabel.
+    Linear programs are solved by the simplex method of HiGHS, all others by the interior-point
+    method of Clarabel.
 
     Parameters
     ----------

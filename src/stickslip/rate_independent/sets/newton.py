@@ -56,7 +56,7 @@ class Normal(NamedTuple):
     change : ndarray of shape (n, n)
         dv/dξ.
     kinks : tuple of Kink
-        On which v lies.
+        Kinks that contain v.
     """
 
     y: Array
@@ -73,7 +73,7 @@ class FormulaAt(NamedTuple):
     hessian: Array
 
     def outer(self, v: Array, W: Array | None) -> FormulaAt:
-        """Of a formula R: ½⟨v, Wv⟩ + R(v), or ½R(v)² where no W is given."""
+        """Functional of a formula R: ½⟨v, Wv⟩ + R(v), or ½R(v)² without W."""
         if W is None:
             square = np.outer(self.gradient, self.gradient) + self.value * self.hessian
             return FormulaAt(0.5 * self.value**2, self.value * self.gradient, square)
@@ -88,7 +88,7 @@ class NormalSearch:
     formula: ConvexFormula
 
     def at(self, v: Array, others: Array) -> FormulaAt:
-        """Value and derivatives at v ≠ 0, whatever its size; NaN where there are none."""
+        """Value and derivatives at v ≠ 0 of any size; NaN if undefined."""
         n = self.formula.dimension
         size = float(np.abs(v).max())
         value, *rest = self.formula.numbers([*(v / size).tolist(), *others.tolist()])
@@ -201,8 +201,8 @@ class NormalSearch:
         return v * (ahead / square) if ahead > 0.0 and square > 0.0 else np.zeros(len(v))
 
     def on_kink(self, xi: Array, W: Array | None, v: Array, others: Array) -> Normal | None:
-        """The nearest point of ξ, or the one on its ray, from a v that is close to the right one,
-        and to the kinks on which that lies; None if it is not found.
+        """The nearest point of ξ, or the one on its ray, from a v close to the solution and to the
+        kinks that contain it; None if it is not found.
 
         Parameters
         ----------
@@ -285,9 +285,9 @@ class NormalSearch:
         return None
 
     def on_face(self, found: Normal, others: Array) -> Array:
-        """A mean of gradients beside v that is as close to the point that was found as any, of the
-        face of K to which v is normal: a point of K, exactly where kinks are terms of a sum. If
-        there is none close by, the point itself, which is only seen to be in K.
+        """The mean of gradients around v that is nearest to the computed point, in the face of K to
+        which v is normal: a point of K, exactly if kinks are terms of a sum. If none is close, the
+        computed point, which is in K only up to the accuracy of Newton's method.
 
         Parameters
         ----------
@@ -316,8 +316,8 @@ class NormalSearch:
         smooth = self._beside(found.kinks, unit, others).gradient
 
         def add(way: Array) -> bool:
-            """Add the gradient beside the kinks in a direction, if it is new; what the step to
-            there changes of the smooth part is taken away."""
+            """Add the gradient off the kinks in a direction, if it is new, corrected for the change
+            of the smooth part over the step."""
             v = unit + reach * way
             point = self.at(v, others).gradient
             point = point - self._beside(found.kinks, v, others).gradient + smooth
@@ -343,7 +343,7 @@ class NormalSearch:
         return near
 
     def _outside(self, found: Normal, others: Array) -> float:
-        """How far a point is seen to lie outside K: in random directions, and close to v."""
+        """Observed excess of a point over K, in random directions and close to v."""
         y, v = found.y, found.v
         n = len(v)
         unit = v / np.linalg.norm(v)
@@ -358,7 +358,7 @@ class NormalSearch:
         return float((y @ probes - values).max())
 
     def _beside(self, kinks: tuple[Kink, ...], v: Array, others: Array) -> FormulaAt:
-        """The formula at v with kinks replaced by what is smooth."""
+        """The formula at v, with kinks replaced by smooth functions."""
         n = len(v)
 
         def make() -> Callable[[Sequence[float]], list[float]]:
@@ -374,7 +374,8 @@ class NormalSearch:
     def _zeros(
         self, kinks: tuple[Kink, ...], v: Array, others: Array
     ) -> tuple[Array, Array, Array]:
-        """What is zero on kinks (k,), with gradients (k, n) and second derivatives (k, n, n)."""
+        """Functions that vanish on the kinks (k,), with gradients (k, n) and second derivatives (k,
+        n, n)."""
         n = len(v)
         zeros = tuple(dict.fromkeys(zero for kink in kinks for zero in kink.zeros))
         numbers = made_once(self, "zeros", lambda: self._derived(zeros), zeros)

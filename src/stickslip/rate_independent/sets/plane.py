@@ -17,8 +17,8 @@ _RAYS = 2880  # more than directions, so that corners stay sharp
 
 
 def stable_boundary(potential: Dissipation, phases: Array, rays: int = _RAYS) -> Array:
-    """Boundary of what K(s) has in common at some phases, shape (rays, 2): where rays meet the
-    first line; n = 2.
+    """Boundary of the intersection of K(s) over some phases, shape (rays, 2): first intersections
+    of rays with supporting lines; n = 2.
 
     Parameters
     ----------

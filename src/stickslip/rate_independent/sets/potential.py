@@ -217,8 +217,8 @@ class Dissipation(ABC):
 
     @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
-        """Whether ξ, shape (n,), lies in K(s), up to `tolerance` relative to the length of ξ, or to
-        the extent of K(s) in its direction."""
+        """Return whether ξ, shape (n,), lies in K(s), up to `tolerance` relative to the length of
+        ξ, or to the extent of K(s) in its direction."""
         xi = self.vector(xi, "xi")
         beyond = xi - self.member(xi, s)
         distance = float(np.linalg.norm(beyond))
@@ -229,8 +229,8 @@ class Dissipation(ABC):
         )
 
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
-        """How far ξ, shape (n,), lies outside K(s): positive outside, negative inside, of the size
-        of a distance."""
+        """Signed excess of ξ, shape (n,), over K(s): positive outside, negative inside, in units of
+        a distance."""
         xi = self.vector(xi, "xi")
         nearest = self._nearest_at(s)
         outside = float(np.linalg.norm(xi - nearest(xi)))
@@ -256,11 +256,11 @@ class Dissipation(ABC):
         return length / reach if reach > LAST_DIGITS * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
         return self.excess(xi, s) <= noise
 
     def sampled(self, phases: Array) -> AtPhases:
-        """The potential at several phases, shape (m,), at once."""
+        """The potential at several phases, shape (m,)."""
         return OneByOne(self, phases)
 
     def sets(self, phases: Array) -> StableSets:
@@ -287,8 +287,9 @@ class Dissipation(ABC):
 
     @property
     def bounded(self) -> bool:
-        """Whether the potential consists of numbers and formulas, so that it can be bounded at all
-        phases, not only evaluated at some; by default, whether it does not depend on the phase."""
+        """Whether the potential consists of numbers and formulas, so that it can be bounded over
+        all phases, not only evaluated at some; by default, whether it is independent of the
+        phase."""
         return not self.depends_on_phase
 
     def over(self, low: Array, high: Array) -> Stretches[Any]:
@@ -307,7 +308,7 @@ class Dissipation(ABC):
         return phases
 
     def around(self, phases: Array, xi: Array, enough: float) -> Near:
-        """Intervals around phases, shape (k,), at which ξ may touch K(s), and lies outside by at
+        """Intervals around phases, shape (k,), at which ξ may touch K(s), on which its excess is at
         most `enough`.
 
         These bounds are proved from second derivatives. By default, there are no such intervals.
@@ -355,7 +356,7 @@ class Dissipation(ABC):
 
     @property
     def _drawn(self) -> bool:
-        """Whether a page has a picture of it."""
+        """Whether the HTML page includes a figure."""
         return self.dimension <= _DRAWN
 
     def _picture(self) -> Figure:
@@ -383,8 +384,8 @@ class Dissipation(ABC):
     def _depth(
         self, xi: Array, length: float, s: float, nearest: Callable[[Array], Array]
     ) -> float:
-        """How much further than ξ, a point of K(s), its ray remains inside K(s); from 0, where
-        there is no ray, how far K(s) reaches along the axes at least."""
+        """Distance from ξ, a point of K(s), to the boundary along its ray; at 0, the smallest
+        distance along the axes."""
         if length == 0.0:
             axes = np.eye(self.dimension)
             return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
@@ -393,7 +394,7 @@ class Dissipation(ABC):
     def _reach(
         self, direction: Array, s: float, nearest: Callable[[Array], Array], accuracy: float
     ) -> float:
-        """How far a ray, given by a unit vector, remains inside K(s)."""
+        """Distance from 0 to the boundary of K(s) along a unit vector."""
         reach = self.support(direction, s)
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
         # point of K(s).

@@ -1,8 +1,8 @@
 """Stable sets K(s) at many phases: the interface for steps and their audit, row by row.
 
 Row k of every array belongs to phase k. Boxes and discs are plain arrays, so that a million
-components or a hundred thousand steps cost a few passes over memory; every other potential is asked
-phase by phase.
+components or a hundred thousand steps cost a few passes over memory; every other potential is
+evaluated phase by phase.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Step(NamedTuple):
     value : ndarray of shape (m,)
         Ψ(s, d).
     pull : ndarray of shape (m, n)
-        A d, the force that the increment is worth.
+        A d, the elastic force of the increment.
     rounding : ndarray of shape (m,)
-        To what d is known, since states are rounded.
+        Rounding error of d, from that of the states.
     """
 
     value: Array
@@ -50,16 +50,16 @@ class StableSets(Protocol):
     Attributes
     ----------
     together : int or None
-        How many components rub together, each such group on its own: 1 for boxes. None if K(s) is
-        no such product.
+        Size of the groups of components with a common threshold: 1 for boxes. None if K(s) is not a
+        product over groups.
     """
 
     @property
     def together(self) -> int | None: ...
 
     def weights(self, k: int) -> dict[str, Array]:
-        """What a solver for large products takes of row k, by the names of its arguments; of those
-        with `together`."""
+        """Arguments of the solver for large products for row k, by name; only for sets with
+        `together`."""
         ...
 
     def value(self, v: Array) -> Array:
@@ -91,13 +91,13 @@ class StableSets(Protocol):
         ...
 
     def total(self, d: Array) -> Array:
-        """What a force that is 1 larger in every component (or group) spends more on d, in every
-        row."""
+        """Additional work on d of a force that is larger by 1 in every component (or group), in
+        every row."""
         ...
 
     def overshoot(self, before: Self, middle: Self, forces: Forces) -> Array | None:
-        """How far ξ may leave K(s) during the step that ends with each row, as seen before, in the
-        middle and after; None where the potential itself has to be asked."""
+        """Excess of ξ over K(s) during the step that ends with each row, from values before, in the
+        middle and after; None if the potential must be evaluated instead."""
         ...
 
     def before(self, first: Self) -> Self:
@@ -210,7 +210,8 @@ class Discs:
         return {"radii": self.radii[k if len(self.radii) > 1 else 0]}
 
     def holds(self, xi: Array, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single
+        row."""
         return bool((self._norms(xi[None]) <= self.radii + noise).all())
 
     def nearest(self, xi: Array, metric: Array) -> Array:
@@ -277,7 +278,7 @@ class Discs:
 
 @dataclass(frozen=True)
 class ConvexSets:
-    """K(s) of any other potential. One phase stands for all rows."""
+    """K(s) of any other potential. A single phase applies to all rows."""
 
     dissipation: Dissipation
     phases: Array
@@ -306,7 +307,8 @@ class ConvexSets:
         return xi - self._for(xi).nearest(xi)
 
     def holds(self, xi: Array, noise: float) -> bool:
-        """Whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single row."""
+        """Return whether ξ, shape (n,), lies outside K(s) by no more than rounding; of a single
+        row."""
         return self.dissipation.holds(xi, float(self.phases[0]), noise)
 
     def nearest(self, xi: Array, metric: Array) -> Array:

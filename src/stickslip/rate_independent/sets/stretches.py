@@ -67,7 +67,7 @@ class AtPhases(ABC):
 
     @abstractmethod
     def excess(self, xi: Array) -> Array:
-        """How far ξ lies outside K(s) at each phase, shape (m,): at least its signed distance."""
+        """Excess of ξ over K(s) at each phase, shape (m,): at least its signed distance."""
 
     @abstractmethod
     def nearest(self, xi: Array) -> Array:
@@ -78,12 +78,12 @@ S = TypeVar("S", bound=AtPhases)
 
 
 class Stretches(ABC, Generic[S]):
-    """A dissipation potential on m stretches of phases: what holds at every phase of a stretch.
+    """A dissipation potential on m phase intervals: bounds that hold at every phase of an interval.
 
     Attributes
     ----------
     start, end : Sampled
-        The potential at the ends of the stretches.
+        The potential at the ends of the intervals.
     """
 
     start: S
@@ -93,25 +93,25 @@ class Stretches(ABC, Generic[S]):
     def between(
         self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array
     ) -> Array:
-        """How far a force may lie outside K(s) while s runs over a stretch, shape (m,).
+        """Bound of the excess of a force over K(s) on a phase interval, shape (m,).
 
         Parameters
         ----------
         ends : ndarray of shape (m,)
-            The larger of what it lies outside at both ends.
+            The larger of the excesses at both ends.
         before, after : ndarray of shape (m, n)
             The force at the ends.
         off : ndarray of shape (m, n)
-            How far its components may be from the straight line in between.
+            Bounds of the deviation of its components from straight lines in between.
         enough : float or ndarray of shape (m,)
-            Below this, no effort is made for a sharper bound.
+            Below this, no sharper bound is needed.
         """
 
     def outside(
         self, before: Array, after: Array, off: Array, enough: float | Array
     ) -> tuple[Array, Array, Array]:
-        """How far a force lies outside K(s) at the start and the end of each stretch, and may lie
-        in between."""
+        """Excess of a force over K(s) at the start and the end of each interval, and its upper
+        bound in between."""
         first, last = self.start.excess(before), self.end.excess(after)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)
 
@@ -125,8 +125,8 @@ class Near(NamedTuple):
     bound: Array
 
     def at_most(self, low: Array, high: Array) -> Array:
-        """How far the force may lie outside on given stretches, shape (m,); infinite where nothing
-        is proved."""
+        """Upper bound of the excess of the force on given intervals, shape (m,); infinite without a
+        proof."""
         inside = (self.low <= low[:, None]) & (high[:, None] <= self.high)
         return np.where(inside, self.bound, np.inf).min(axis=1, initial=np.inf)
 
@@ -136,7 +136,7 @@ NOWHERE_NEAR = Near(*np.zeros((3, 0)))
 
 @dataclass(frozen=True, eq=False)
 class OneByOne(RowWise, AtPhases):
-    """A potential asked phase by phase."""
+    """A potential evaluated phase by phase."""
 
     potential: Dissipation
     phases: Array
@@ -159,8 +159,8 @@ class OneByOne(RowWise, AtPhases):
 
 @dataclass(frozen=True, eq=False)
 class Estimated(RowWise, Stretches[OneByOne]):
-    """Stretches of a potential that is known where it is asked for only: estimated from their
-    middles."""
+    """Phase intervals of a potential that can only be evaluated pointwise: estimates from their
+    midpoints."""
 
     start: OneByOne
     end: OneByOne

@@ -13,8 +13,8 @@ from stickslip.symbolic.expressions import Expr
 
 
 def read_weights(given: object, where: str) -> Signal:
-    """Thresholds as a vector that may depend on the phase, nonnegative at a few phases; a formula
-    alone stands for a list of one."""
+    """Thresholds as a vector that may depend on the phase, checked to be nonnegative at a few
+    phases; a single formula is read as a list of one."""
     signal = read_phase([given] if isinstance(given, str | Expr) else given, where)
     if len(signal.shape) != 1 or signal.shape[0] == 0:
         raise DeclarationError(

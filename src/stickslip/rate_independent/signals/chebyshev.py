@@ -203,7 +203,7 @@ def fit_pieces(
         Most panels that are tried.
     growth : callable, optional
         Starts and ends of stretches and radii -> bounds of how far the function can be from its
-        value in the middle of each stretch, on the disc of that radius in the complex plane.
+        value in the middle of each interval, on the disc of that radius in the complex plane.
 
     Returns
     -------
@@ -219,8 +219,8 @@ def fit_pieces(
 
     Notes
     -----
-    Without `growth`, what lies between two sampled places is not seen: a spike narrower than 1/200
-    of the whole, away from any known corner, may be missed.
+    Without `growth`, features between two samples are missed: for example a spike narrower than
+    1/200 of the span, away from any known corner.
     """
     known = edges
     whole = edges[-1] - edges[0]
@@ -289,8 +289,7 @@ def _halve_until_resolved(
 
 
 def _missed(growth: Growth, start: Array, end: Array) -> Array:
-    """What a polynomial that agrees with a function at Chebyshev points can miss of it on each
-    panel.
+    """Error bound of a polynomial that interpolates a function at Chebyshev points, on each panel.
 
     With |f| ≤ B in the ellipse with foci ±1 and the sum ρ of its half axes, that is 4 B ρ^−n/(ρ −
     1) for the degree n (L. N. Trefethen, *Approximation Theory and Approximation Practice*, SIAM
@@ -327,8 +326,8 @@ def _corners(breaks: Array) -> Array:
 def _sharpened(
     function: Callable[[Array], Array], corners: Array, reach: float, breaks: Array, c: Array
 ) -> Array:
-    """The corners again, each moved to where the function leaves the polynomial of one side for
-    that of the other."""
+    """Corners refined: each is moved to the place where the function changes from the polynomial of
+    one side to that of the other."""
     i = np.searchsorted(breaks, corners)
     start = breaks[:-1]
     width = np.diff(breaks)
@@ -353,8 +352,8 @@ def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
 
     Intervals are halved until the polynomial has no zero there (its constant coefficient outweighs
     the others), is monotone (its linear one outweighs the others, |T_k′| ≤ k²), or its integral
-    there is negligible: a pair of zeros, however close, is not missed, unless what lies between
-    them is rounding.
+    there is negligible: a pair of zeros, however close, is not missed, unless the values between
+    them are rounding errors.
 
     Parameters
     ----------
@@ -380,7 +379,7 @@ def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
 
 
 class ZeroSearch(NamedTuple):
-    """Work space of a search for changes of sign: what is still to be looked at.
+    """Work space of a search for changes of sign: a stack of intervals.
 
     Attributes
     ----------

@@ -68,7 +68,7 @@ class Constant(Signal):
         return self.constant.item()
 
     def check_period(self) -> None:
-        """Nothing is left to check."""
+        """Formulas are checked when they are read."""
 
 
 class Formulas(Signal):

@@ -71,8 +71,8 @@ class CallableSignal(Signal):
 
     @cached_property
     def _elementwise(self) -> bool:
-        """Whether the function takes an array of phases, one for each entry, and returns each entry
-        at its own."""
+        """Whether the function accepts an array of phases, one for each entry, and returns each
+        entry at its phase."""
         size = math.prod(self.shape)
         phases = (np.arange(size) * 0.7548776662466927) % 1.0
         try:
@@ -108,7 +108,8 @@ class CallableSignal(Signal):
     def _of_arrays(self, edges: Array) -> tuple[Source, int]:
         """The function for arrays, and how many panels it may need.
 
-        It is the function itself if that takes arrays and says the same as for single numbers.
+        It is the function itself if it accepts arrays and returns the same values as for single
+        numbers.
         """
         if self.shape:
             return lambda u: self.over(np.ravel(u)).reshape(np.shape(u)), ch.MOST_PANELS
@@ -131,7 +132,7 @@ class CallableSignal(Signal):
 
 
 class _Counted:
-    """A function that counts the places at which it is asked."""
+    """A function that counts its evaluations."""
 
     def __init__(self, function: Source) -> None:
         self.function = function

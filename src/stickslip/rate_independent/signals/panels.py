@@ -56,8 +56,8 @@ class Panels:
     def locate(self, t: Array, near: Array) -> tuple[Array, Array]:
         """The panel that holds the times `near`, and the times t in the coordinate of that panel.
 
-        `near` lies inside a panel; t may be its end, where the clock alone could not tell it from
-        the next panel.
+        `near` is inside a panel; t may be its end, which without `near` could also belong to the
+        next panel.
         """
         if self.period is None:
             here, u = near, t

@@ -101,7 +101,7 @@ def read_phase(given: Any, where: str, closes: bool = True) -> Signal:
 
 
 def is_table(given: Any) -> bool:
-    """Whether it is a pair (times, values)."""
+    """Return whether it is a pair (times, values)."""
     return isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 1
 
 

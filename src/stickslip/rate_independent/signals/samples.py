@@ -152,7 +152,7 @@ class MonotoneTable(LinearTable):
 
 
 class MeasuredSignal(Signal):
-    """Samples that say themselves what is between them (:class:`stickslip.Samples`).
+    """Samples with a declared interpolation (:class:`stickslip.Samples`).
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ class Signal(ABC):
     @property
     def elementwise(self) -> bool:
         """Whether evaluating each entry at a different argument costs no more than evaluating all
-        entries at one."""
+        entries at one argument."""
         return True
 
     def shaped(self, given: Any, u: float) -> Array:
@@ -202,8 +202,8 @@ class Signal(ABC):
         Raises
         ------
         DeclarationError
-            If it is not finite somewhere (the message names the argument), cannot be resolved, or
-            is not defined over the whole span.
+            If it is not finite at an argument, which the message gives, cannot be resolved, or is
+            not defined over the whole span.
         """
 
     def plain(self) -> Any:
@@ -275,7 +275,7 @@ def wrapped(s: Any) -> Any:
 
 
 def same_array(one: Array, other: Array) -> bool:
-    """Whether two arrays agree up to the rounding of a smooth function."""
+    """Return whether two arrays agree up to the rounding of a smooth function."""
     return one.shape == other.shape and bool(
         np.allclose(one, other, rtol=SAME_VALUE, atol=SAME_VALUE * np.abs(one).max(initial=0))
     )

@@ -2,14 +2,15 @@
 
 A step minimises the strictly convex function ½dᵀAd − rᵀd + Σ max(lower d, upper d). Its state is a
 sign for every component: +1 or −1 moves, with the force on the upper or lower bound; 0 rests. On
-the face of fixed signs the minimiser is a linear solve. The walk goes towards it until a component
-comes to rest; at the minimiser of a face it releases the resting components whose forces are out of
-bounds. Every move of positive length lowers the function, and released components that turn the
-wrong way are dropped until one is left, which cannot: so no face comes back.
+the face of fixed signs the minimiser is the solution of a linear system. The iteration moves
+towards it until a component comes to rest; at the minimiser of a face it releases the resting
+components whose forces are out of bounds. Every step of positive length decreases the function.
+Released components that would move in the wrong direction are dropped; a single released component
+cannot do so, and therefore no face recurs.
 
 The Cholesky factor of A on the moving components is kept from step to step. A change of one sign
-changes it by a row (in |S|² operations, stably); a step in which no sign changes factorises
-nothing.
+updates it by a row (in |S|² operations, stably); a step without changes of sign needs no
+factorisation.
 """
 
 from __future__ import annotations
@@ -156,8 +157,8 @@ def target(face: Face, r: Vector, lower: Vector, upper: Vector, x: Vector) -> No
 
 @compiled()
 def walk_face(face: Face, d: Vector, x: Vector) -> float:
-    """Go from d towards the minimiser x until components come to rest, which then do; what part of
-    the way that is."""
+    """Move from d towards the minimiser x until components come to rest; return the fraction of the
+    step."""
     sign = face.sign
     share = 1.0
     for i in range(len(d)):
@@ -214,7 +215,7 @@ def release(face: Face, r: Vector, lower: Vector, upper: Vector, noise: float, x
 def solve_face(
     face: Face, r: Vector, lower: Vector, upper: Vector, noise: float, d: Vector, x: Vector
 ) -> int:
-    """One step in a box: the increment d, and the factor and the signs that belong to it.
+    """Solve one step in a box: the increment d, with its factor and signs.
 
     Forces within `noise` of a bound are on it. Returns the number of changes, or −1 if there were
     too many.
@@ -222,7 +223,7 @@ def solve_face(
     Parameters
     ----------
     face : Face
-        Where the search begins; written.
+        Start of the search; overwritten.
     r, lower, upper : array, shape (n,)
         Force at rest, and its bounds.
     d : array, shape (n,)

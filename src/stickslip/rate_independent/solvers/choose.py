@@ -71,13 +71,13 @@ def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> Ste
 
 
 class MultigridSteps:
-    """Large sparse A with boxes or balls K; a step starts from the increment of the one before.
+    """Large sparse A with boxes or balls K; a step starts from the increment of the previous one.
 
     Parameters
     ----------
     A : sparse array, shape (n, n)
     together : int
-        How many components rub together.
+        Size of the groups of components with a common threshold.
     tolerance : float
         KKT residual relative to the largest weight.
     """

@@ -81,10 +81,11 @@ class ProjectionSteps:
         return states, effort
 
     def _increment(self, pull: Array, held: Array, row: ConvexSets | Discs, noise: float) -> Array:
-        """The d with A d = pull, where what is free to rest rests and is not moved by rounding.
+        """The d with A d = pull, in which components that may rest do so, and are not moved by
+        rounding.
 
-        It is sought by itself, not as a difference of states: its direction decides whether it
-        suits the force.
+        It is computed directly, not as a difference of states, since its direction must be accurate
+        for the test of the force.
         """
         from scipy.linalg import cho_solve, solve
 

@@ -5,15 +5,14 @@ components, or of radiusᵍ |dᵍ|₂ over groups. One cycle (Gräser & Kornhube
 2019):
 
 1. nonlinear Gauss–Seidel: every node takes its exact minimiser;
-2. with the nodes at rest left out, J is smooth near d: a multigrid cycle (more of them, as
-   preconditioner of conjugate gradients, where one is not enough) solves Newton's equation for the
-   others;
-3. what would pass through its kink stops there if that lowers J more, and a line search takes what
-  lowers J.
+2. without the nodes at rest, J is smooth near d: a multigrid cycle (or several, as preconditioner
+   of conjugate gradients, if one is not enough) solves Newton's equation for the other nodes;
+3. nodes that would pass through their kinks stop there if that decreases J more, and a line search
+   ensures a decrease of J.
 
-J never rises, and 1 alone converges for every symmetric positive definite A, so the method
-converges from everywhere; 2 makes it fast once the moving nodes are known. Nested iteration, the
-same problem on coarser levels first, tells most of them.
+J never increases, and step 1 alone converges for every symmetric positive definite A, so the method
+converges globally; step 2 makes it fast once the moving nodes are known. Nested iteration, the same
+problem on coarser levels first, identifies most of them.
 """
 
 from __future__ import annotations
@@ -91,8 +90,8 @@ class StepResult:
 
 
 class Law(NamedTuple):
-    """What is minimised on one level besides ½ dᵀA d: −rᵀd and the weights of the dissipation, of
-    shape (nodes,)."""
+    """Terms of the functional on one level in addition to ½ dᵀA d: −rᵀd and the weights of the
+    dissipation, of shape (nodes,)."""
 
     r: Matrix
     lower: Vector
@@ -100,15 +99,16 @@ class Law(NamedTuple):
 
 
 class Multigrid:
-    """Steps with one matrix; the levels are made once, the steps are independent of each other.
+    """Steps with one matrix; the levels are built once, and the steps are independent of each
+    other.
 
     Parameters
     ----------
     A : sparse array (n, n)
         Symmetric and positive definite, any SciPy format.
     groups : int
-        Number m of components that rub together, entries g m, …, g m + m − 1 of group g. 1: every
-        component on its own.
+        Size m of the groups of components with a common threshold, entries g m, …, g m + m − 1 for
+        group g. 1: every component separately.
 
     Raises
     ------
@@ -346,11 +346,10 @@ class Multigrid:
 
 
 def lowest_along(derivative: Callable[[float], float], start: float) -> tuple[float, float]:
-    """The t in [0, 1] up to which a convex function falls, about and not beyond, and its derivative
-    there.
+    """A t in [0, 1] just before the minimum of a convex function, and its derivative there.
 
-    By regula falsi (Illinois) for the increasing derivative, which is `start` at 0. Where that is
-    linear, one secant hits the minimum.
+    By regula falsi (Illinois) for the increasing derivative, which is `start` at 0. For a linear
+    derivative one secant step is exact.
     """
     left = 0.0
     low = start

@@ -3,7 +3,7 @@ search.
 
 A matrix is `BlockRows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The
 dissipation of node i is max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar
-case has a branch of its own wherever that pays.
+case has a separate branch where it is faster.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def make_block_space(m: int) -> BlockSpace:
 
 @compiled()
 def may_move(d: Matrix, i: int) -> bool:
-    """Whether node i has an increment."""
+    """Return whether node i has an increment."""
     moving = False
     for c in range(d.shape[1]):
         moving = moving or d[i, c] != 0.0
@@ -104,8 +104,8 @@ def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y:
     """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
 
     x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|,
-    Newton's method for 1/|x(λ)| = λ/radius falls monotonically from the start below; one step is
-    enough where B is a multiple of I.
+    Newton's method for 1/|x(λ)| = λ/radius decreases monotonically from the start below; one step
+    suffices if B is a multiple of I.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y:
 def relax(
     A: BlockRows, r: Matrix, lower: Vector, upper: Vector, d: Matrix, space: BlockSpace
 ) -> None:
-    """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser.
+    """One sweep of nonlinear Gauss–Seidel: every node is successively set to its exact minimiser.
 
     Parameters
     ----------

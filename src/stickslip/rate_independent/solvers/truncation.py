@@ -90,8 +90,8 @@ def truncate(
         Upper bounds of the force, or radii.
     d : array, shape (nodes, m)
     truncated : Truncation
-        H has the pattern of A. On entry, `inverse` tells which rows were empty before, and `dirty`
-        which rows to write in any case; on return, `dirty` tells which were written.
+        H has the pattern of A. On entry, `inverse` marks the rows that were empty before, and
+        `dirty` the rows to write in any case; on return, `dirty` marks the written rows.
     """
     start = A.start
     column = A.column
@@ -157,10 +157,11 @@ def galerkin(
     P, R : NodeRows
         Prolongation and its transpose.
     A : BlockRows
-        The coarse operator without truncation: rows made of whole rows only are copied from it.
+        The coarse operator without truncation: rows computed from complete rows only are copied
+        from it.
     coarse : Truncation
-        Written, with the pattern of A. Whole are the rows made of whole rows only; `dirty` tells
-        on return which rows were made.
+        Written, with the pattern of A. Rows computed from complete rows only are marked complete;
+        on return, `dirty` marks the rows that were computed.
     place : array of int, shape (coarse nodes,)
         Work space.
     """

@@ -52,7 +52,7 @@ class Axis:
     spacing : str
         One of ``linear``, ``log``, ``list`` and the kinds of samples.
     labels : tuple of str
-        Of records, their names; their values say which they are, and nothing else.
+        Names of records; the values are then only their numbers.
     """
 
     names: tuple[str, ...]
@@ -76,8 +76,8 @@ class Axis:
         return alone and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
 
     def positions(self, other: Axis) -> Array:
-        """Where the values of another axis of the same names stand on this one; −1 for those that
-        do not."""
+        """Positions of the values of another axis of the same names on this one; −1 for missing
+        values."""
         reach = _SAME * np.maximum(
             np.max(np.abs(self.values), axis=1), np.max(np.abs(other.values), axis=1)
         )
@@ -97,7 +97,8 @@ class Axis:
         return found
 
     def same_as(self, other: Axis) -> bool:
-        """Whether it has the same names and, up to rounding, the same values in the same order."""
+        """Return whether it has the same names and, up to rounding, the same values in the same
+        order."""
         if self.names != other.names or len(self) != len(other):
             return False
         scale = np.max(np.abs(self.values), axis=1, initial=0.0, keepdims=True)
@@ -110,7 +111,7 @@ def read_axes(
     seed: int = 0,
     known: Sequence[str] | None = None,
 ) -> tuple[Axis, ...]:
-    """The axes that a user asks for, with all their values admissible.
+    """Read the requested axes, and check their values.
 
     Parameters
     ----------
@@ -118,9 +119,9 @@ def read_axes(
         By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one
         column each); by any name that is free, records. A sequence holds texts ``NAME=VALUES``.
     seed : int
-        Of the samples.
+        Seed of the samples.
     known : sequence of str, optional
-        Names that messages list, where not all may vary that do so in maps.
+        Names listed in messages, if not all names that maps accept may vary.
 
     Raises
     ------
@@ -241,7 +242,7 @@ def _column(text: str, where: str) -> tuple[Array, str]:
 
 
 def _interval(text: str, where: str, form: str) -> tuple[float, float, list[str], str]:
-    """Ends, what follows them, and the spacing of ``[log:]low:high[:…]``."""
+    """Ends, the remaining part, and the spacing of ``[log:]low:high[:…]``."""
     parts = [part.strip() for part in text.split(":")]
     spacing = "log" if parts[0] == "log" else "linear"
     parts = parts[1:] if spacing == "log" else parts
@@ -396,7 +397,7 @@ class Grid:
         return product(*(range(count) for count in counts))
 
     def region(self, chunk: tuple[int, ...]) -> tuple[slice, ...]:
-        """Where the points of a chunk stand."""
+        """Region of the points of a chunk."""
         return tuple(
             slice(i * c, min((i + 1) * c, n))
             for i, c, n in zip(chunk, self.chunk, self.shape, strict=True)

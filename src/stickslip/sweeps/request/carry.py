@@ -65,18 +65,19 @@ class Carry:
 def read_carry(
     system: System, axes: tuple[Axis, ...], carry: str | None
 ) -> tuple[tuple[Axis, ...], Carry | None]:
-    """The axes with that of the directions, if there are two, and how the state is carried.
+    """The axes, with an axis of directions if there are two, and the order in which the state is
+    carried.
 
     Parameters
     ----------
     carry : str or None
-        Names of an axis, and where to: ``"omega"`` takes its values as they are given, ``"omega
+        Names of an axis, and direction: ``"omega"`` uses its values in the given order, ``"omega
         up"`` and ``"omega down"`` by size, ``"omega both"`` up and then down again.
 
     Raises
     ------
     DeclarationError
-        If there is no such axis or direction, or nothing can be carried along it.
+        If there is no such axis or direction, or the state cannot be carried along it.
     """
     if carry is None:
         return axes, None
@@ -134,7 +135,7 @@ def _check_axis(system: System, axis: Axis, text: str) -> None:
 
 
 def direction_attributes() -> dict[str, Any]:
-    """What the numbers of :data:`DIRECTION` mean, by the CF conventions."""
+    """Meaning of the numbers of :data:`DIRECTION`, by the CF conventions."""
     return {
         "units": "1",
         "long_name": "direction of the sweep",

@@ -162,14 +162,14 @@ MEASURES = {
 }
 
 
-def known_for_a_time(system: System) -> bool:
-    """Whether a drive of the system is known for a time only, so that nothing settles: measured is
-    the motion over the declared span then."""
+def ends_with_samples(system: System) -> bool:
+    """Return whether a drive of the system is defined for a limited time only, so that no motion
+    settles; the motion over the declared span is then measured."""
     return any(drive.ends for drive in system.declaration.given.values())
 
 
 def needs_close_look(system: System, measures: Sequence[str]) -> bool:
-    """Whether one of the measures needs more than the knots; refuses those that do not exist.
+    """Return whether one of the measures needs more than the knots; rejects unknown measures.
 
     Raises
     ------
@@ -183,7 +183,8 @@ def needs_close_look(system: System, measures: Sequence[str]) -> bool:
 
 
 def _of_formula(system: System, measure: str) -> bool:
-    """Whether a measure is one of a formula, where the engine sums up the state alone."""
+    """Return whether a measure is of a formula, since the engine accumulates sums of the state
+    alone."""
     name, _, of = measure.partition(":")
     known = MEASURES[name]
     both = known.rule is not None and known.again is not None
@@ -229,7 +230,7 @@ def _named(system: System, measure: str) -> Named:
                     "Combine them into one contact, with the sum of the thresholds",
                 )
     one_period.check_period_measure(system, name, of)
-    if known_for_a_time(system) and not MEASURES[name].said.of_a_span:
+    if ends_with_samples(system) and not MEASURES[name].said.of_a_span:
         raise DeclarationError(
             f"measure.{name}",
             f"the samples that drive {system.name} end, so no motion settles",
@@ -242,8 +243,8 @@ def _named(system: System, measure: str) -> Named:
 def measured(
     problem: Problem, observed: Observed, measures: Sequence[str], tolerance: float
 ) -> dict[str, Array]:
-    """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of
-    the start."""
+    """Values of the measures by name, and outcome, certificate, its failed criterion, and the
+    excess of the start."""
     failed = ~np.isin(observed.outcome, [o.code for o in (*MEASURED, Outcome.FINISHED)])
     result = {"outcome": observed.outcome.astype(np.int8)}
     result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
@@ -266,14 +267,14 @@ def measured_again(
     settings: Settings,
     time_limit: float | None = None,
 ) -> dict[str, Array]:
-    """Values of those measures that need the motion of the period itself; NaN for what has none,
-    and no harmonic where there is rest. A motion that takes too long has the outcome of one.
+    """Values of the measures that need the motion over the period; NaN if undefined, and no
+    harmonics at rest. A motion that exceeds the time limit has the outcome of one.
 
     Parameters
     ----------
     table : array, shape (points, parameters)
     time_limit : float, optional
-        Seconds of processor time that each may take.
+        Processor-time limit of each motion in seconds.
     """
     from stickslip.motion.simulate import simulate
 
@@ -330,8 +331,8 @@ def _again(problem: Problem, measure: str) -> PeriodRule | None:
 
 
 def first_missing(observed: Observed, tolerance: float) -> Array:
-    """The first condition of a certificate that is not met, as positions in
-    :data:`MISSING`."""
+    """Failed criteria of certificates, as positions in :data:`MISSING`: the first residual that is
+    too large."""
     wrong = ~(observed.found.audit <= tolerance)
     found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
     known = np.isin(observed.outcome, [o.code for o in (*ATTRACTORS, Outcome.FINISHED)])
@@ -349,7 +350,7 @@ OWN = ("certificate", "lacking", "excess", "outcome")
 
 
 def measures_of(data: xarray.Dataset) -> list[str]:
-    """The measures that a map holds, in the order in which they were asked for."""
+    """The measures of a map, in the requested order."""
     order = data.attrs.get("stickslip_measures", "")
     others = [str(n) for n in data.data_vars if n not in OWN]
     names = [n for n in others if not (n.endswith("_missing") or n.startswith(CARRIED))]

@@ -64,7 +64,7 @@ def root_mean_square(motion: Trajectory, of: str) -> float:
 
 
 def crest(motion: Trajectory, of: str) -> float:
-    """Largest absolute value divided by the root mean square; NaN of what is zero throughout."""
+    """Largest absolute value divided by the root mean square; NaN if zero throughout."""
     name = of or motion.system.declaration.state[0]
     size = root_mean_square(motion, name)
     return max(map(abs, _ends(motion, name))) / size if size else np.nan
@@ -128,7 +128,7 @@ def energy_per_distance(motion: Trajectory, of: str) -> float:
 
 
 def cost_of_transport(motion: Trajectory, of: str) -> float:
-    """The same over the weight, along the translation; what weighs nothing has none."""
+    """Energy per distance along the translation, divided by the weight; NaN without weight."""
     with suppress(DeclarationError):
         return energy_per_distance(motion, "") / weight(motion.system, of, motion.parameters)
     return np.nan
@@ -154,7 +154,7 @@ RULES: Mapping[str, PeriodRule] = {
 
 
 def check_variable(of: str, where: str, remedy: str) -> None:
-    """Reject what cannot be a part of the name of a variable."""
+    """Reject text that cannot be a part of the name of a variable."""
     if "/" in of:
         reason = f"'{short(of)}' contains a /, which is not allowed in the name of a variable"
         raise DeclarationError(where, reason, remedy)
@@ -203,7 +203,7 @@ def _check_drive(system: System, of: str) -> None:
 
 
 def _oscillates(formula: Expr) -> bool:
-    """Whether a formula has a wave in time, or something that is no sum of waves."""
+    """Return whether a formula has a wave in time, or a term that is not a sum of waves."""
     if "t" not in formula.symbols:
         return False
     inside = [*formula.args, *(base for base, _ in formula.terms)]
@@ -211,7 +211,7 @@ def _oscillates(formula: Expr) -> bool:
 
 
 def driven(system: System) -> bool:
-    """Whether a system has drives of a constant frequency."""
+    """Return whether a system has drives of a constant frequency."""
     return bool(derive(system.declaration).frequencies)
 
 

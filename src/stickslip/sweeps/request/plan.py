@@ -39,7 +39,7 @@ LABELS = "labels"  # attribute of an axis with the names of records
 
 
 class Part(Enum):
-    """In what two maps may differ; by their key where they are stored."""
+    """Parts in which two maps may differ, by the key under which they are stored."""
 
     MODEL = "model"
     SETTINGS = "settings"
@@ -53,7 +53,7 @@ class Part(Enum):
 
 
 class Difference(NamedTuple):
-    """In what a stored map differs from another, and how, in words."""
+    """A difference between a stored map and another, with its description."""
 
     part: Part
     text: str
@@ -61,23 +61,23 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A system, what varies, and what is measured how.
+    """The request of a map: a system, its axes, measures and settings.
 
     Attributes
     ----------
     initial : dict of str to float
         Initial values that hold at all points.
     settings : Settings
-        How a motion settles, and with which accuracy it is computed.
+        Criteria for settled motions, and the accuracy.
     seed : int
         Of the samples.
     section : bool
-        Whether the points are states of a section: they share their parameters, and one that
-        friction cannot hold starts at the nearest place at which it can.
+        Whether the points are states of a section: they share their parameters, and a state outside
+        the stable set starts at the nearest stable state.
     carry : Carry, optional
-        Along which axis points begin where the one before has ended.
+        Axis along which points start from the final state of the previous one.
     driven : Driven, optional
-        Records that are an axis; the system is that under the first of them.
+        Records that are an axis; `system` is then driven by the first of them.
     """
 
     system: System
@@ -92,11 +92,11 @@ class Plan:
 
     @property
     def model(self) -> str:
-        """The model file of the system, or of what records drive."""
+        """The model file of the system, or of the system that records drive."""
         return (self.driven.base if self.driven else self.system).to_toml()
 
     def parts(self) -> dict[str, str]:
-        """Everything but the values of the axes, as texts for a file."""
+        """All parts except the values of the axes, as texts for a file."""
         from stickslip import __version__
 
         return {
@@ -195,10 +195,9 @@ class Plan:
         return {key: float(end) for key, end in ends if np.isfinite(end)}
 
     def variables(self) -> dict[str, tuple[str, float, dict[str, Any]]]:
-        """Type, value where nothing is known, and attributes of everything that is stored of a
-        point.
+        """Type, fill value and attributes of all stored variables.
 
-        The outcome comes last: a point that has one has everything else.
+        The outcome comes last: a point with an outcome has all other values.
         """
         found: dict[str, tuple[str, float, dict[str, Any]]] = {}
         for measure in self.measures:

@@ -1,8 +1,8 @@
 """Records that drive a system, as an axis of a map.
 
-What is drawn over is how much the records are scaled, and what is asked is how many of them exceed
-a limit: an incremental dynamic analysis (D. Vamvatsikos, C. A. Cornell, *Earthq. Eng. Struct. Dyn.*
-31 (2002) 491-514).
+With an axis of scales, the fraction of records that exceed a limit as a function of the scale is an
+incremental dynamic analysis (D. Vamvatsikos, C. A. Cornell, *Earthq. Eng. Struct. Dyn.* 31 (2002)
+491-514).
 """
 
 from __future__ import annotations
@@ -238,16 +238,16 @@ class Under(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A system that records drive, one after the other.
+    """A system driven by each of several records.
 
     Attributes
     ----------
     base : System
-        With a factor of the records, if that varies.
+        The system, with a factor of the records if the scale varies.
     keys : dict of str to str
-        Under which drive of the base each part of a record stands.
+        Drive of the base for each part of a record.
     span : (float, float), optional
-        Of all motions; by default each lasts as long as its record.
+        Of all motions; by default the time of each record.
     """
 
     base: System
@@ -256,7 +256,7 @@ class Driven:
     span: tuple[float, float] | None = None
 
     def under(self, number: float) -> Under:
-        """What the record with a number on the axis makes of the system."""
+        """The system under the record with a given number on the axis."""
         place = int(np.argmin(np.abs(self.records.numbers[0] - number)))
         return self._under(list(self.records)[place])
 
@@ -286,7 +286,7 @@ class Driven:
                 raise DeclarationError(f"records.{short(name)}", error.reason, remedy) from None
 
     def left_out(self) -> list[str]:
-        """What motions over the given span leave out of the records, in words."""
+        """Description of the parts of the records outside the given span."""
         if self.span is None:
             return []
         cut = [
@@ -313,7 +313,7 @@ def read_records(
     over: Mapping[str, Any] | Sequence[str],
     span: tuple[float, float] | None,
 ) -> Driven | None:
-    """What is said of records among the axes of a map; None if there are none.
+    """Read the axes of records of a map; None if there are none.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def read_records(
 
 
 def _drive(part: str, declared: Mapping[str, str], system: str) -> str:
-    """The key of the drive that a part of a record stands for."""
+    """The key of the drive for a part of a record."""
     if part in declared:
         return declared[part]
     if not part and len(declared) == 1:
@@ -362,7 +362,7 @@ def _drive(part: str, declared: Mapping[str, str], system: str) -> str:
 
 
 def _with_scale(system: System, keys: Mapping[str, str]) -> tuple[System, dict[str, str]]:
-    """The system with a parameter that multiplies what its drives are, and where these stand."""
+    """The system with a parameter that multiplies its drives, and the keys of these."""
     drives: dict[str, Any] = {}
     moved: dict[str, str] = {}
     for key, drive in system.drives.items():

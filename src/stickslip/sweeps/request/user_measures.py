@@ -89,9 +89,9 @@ class FunctionMeasure:
     Attributes
     ----------
     function : callable or None
-        None: the function stands in a file, and is read from there by every process that needs it.
+        None: the function is in a file, and every process that needs it reads it from there.
     digest : str
-        Of its source, so that a store notices another function of the same name.
+        Hash of its source, so that a store detects another function of the same name.
     """
 
     name: str
@@ -162,8 +162,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
 
 
 def offered_measures(system: System) -> dict[str, dict[str, str]]:
-    """What can be measured of a system by a name alone, with unit and meaning: the named measures,
-    and those that other packages add."""
+    """Measures available by name, with unit and meaning: the named measures, and those that other
+    packages add."""
     found: dict[str, dict[str, str]] = {}
     for name in MEASURES:
         with suppress(DeclarationError):
@@ -173,9 +173,9 @@ def offered_measures(system: System) -> dict[str, dict[str, str]]:
     return {**{name: described_as(name.replace("_", " "), "1") for name in added}, **found}
 
 
-def asked_again(measure: Measure) -> Any:
-    """What :func:`read_measures` makes the same measure of in another process; expressions cannot
-    be sent."""
+def argument_of(measure: Measure) -> Any:
+    """Argument from which :func:`read_measures` creates the same measure in another process, since
+    expressions cannot be pickled."""
     return measure if isinstance(measure, FunctionMeasure) else str(measure)
 
 
@@ -275,7 +275,7 @@ def _read(path: str) -> str:
 
 @lru_cache
 def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], float]:
-    """A function of a Python file of the user's own, which is still the one that was asked for."""
+    """A function of a user-defined Python file; rejected if it has changed since the request."""
     if _digest(_read(path)) != digest:
         raise StickslipError(
             f"measure {path}: the file has changed while the map was computed. Start again"

@@ -16,7 +16,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.motions import MEASURED
 from stickslip.sweeps.request.axes import Grid
 from stickslip.sweeps.request.carry import CARRIED, Carry
-from stickslip.sweeps.work.handed import Handed, handed_on
+from stickslip.sweeps.work.carried_state import CarriedState, carried_state
 
 if TYPE_CHECKING:
     from stickslip.sweeps.store import Chunk, MapStore
@@ -26,19 +26,19 @@ _SETTLED = {outcome.code for outcome in MEASURED}
 
 @dataclass(frozen=True)
 class Runs:
-    """In which order points are computed that carry the state.
+    """Order in which points that carry the state are computed.
 
     Attributes
     ----------
     order : array of int
         Of the points.
-    begins : dict of int to (Handed or None)
-        Places in that order at which a run of points begins, and what it goes on from; None: it
-        begins as any motion does.
+    begins : dict of int to (CarriedState or None)
+        Places in that order at which a run of points starts, with the state from which it
+        continues; None: it starts from the initial state.
     """
 
     order: Array
-    begins: Mapping[int, Handed | None]
+    begins: Mapping[int, CarriedState | None]
 
 
 class LinesToDo:
@@ -60,8 +60,8 @@ class LinesToDo:
         self._out: dict[Chunk, Iterator[Chunk]] = {}
 
     def __iter__(self) -> Iterator[tuple[Chunk, Array, Runs] | None]:
-        """Chunks, positions of their missing points, and the order of these; None as long as all
-        that is left waits for what is under way."""
+        """Chunks, positions of their missing points, and the order of these; None while all
+        remaining chunks wait for results of running ones."""
         while self._waiting or self._out:
             if not self._waiting:
                 yield None
@@ -74,7 +74,7 @@ class LinesToDo:
                     break
 
     def done(self, chunk: Chunk) -> None:
-        """What waits for a chunk may go on."""
+        """Mark a chunk as done, so that dependent chunks can start."""
         self._waiting.append(self._out.pop(chunk))
 
     def _columns(self) -> Iterator[list[Chunk]]:
@@ -87,7 +87,7 @@ class LinesToDo:
             yield list(dict.fromkeys(tuple(p[k] for k in range(len(counts))) for p in places))
 
     def _runs(self, chunk: Chunk, inside: Array) -> Runs:
-        """In which order the missing points of a chunk are computed, and from what they go on."""
+        """Order of the missing points of a chunk, and the states from which they continue."""
         grid = self.grid
         region = grid.region(chunk)
         shape = tuple(part.stop - part.start for part in region)
@@ -106,7 +106,7 @@ class LinesToDo:
         }
         return Runs(order, begins)
 
-    def _before(self, index: Array, along: int) -> Handed | None:
+    def _before(self, index: Array, along: int) -> CarriedState | None:
         """The state from which a computed point continues."""
         if along == 0:
             return None
@@ -125,32 +125,33 @@ class LinesToDo:
             for row, name in enumerate(axis.names)
             if name in system.parameters
         }
-        return Handed({**system.values, **varied}, time, np.array(state))
+        return CarriedState({**system.values, **varied}, time, np.array(state))
 
 
 def needed_to_carry(system: System) -> list[str]:
-    """Measures that say where a point has come to."""
+    """Measures that describe the final state of a point."""
     each = [f"{name}:{x}" for name in ("state", "shift") for x in system.declaration.state]
     return [*each, "time", "duration"]
 
 
-def handed_by(
+def passed_on(
     system: System,
     parameters: Mapping[str, float],
     found: Mapping[str, Array],
-    given: Handed | None,
-) -> Handed | None:
-    """What a point hands on: where it has settled; if its motion ended otherwise, what it was
-    given.
+    given: CarriedState | None,
+) -> CarriedState | None:
+    """The state that a point passes on: its settled state, or the state it started from if the
+    motion has not settled.
 
     Parameters
     ----------
     parameters : mapping of str to float
-        At the point.
+        Parameters of the point.
     found : mapping of str to array, shape (1,)
-        With what :func:`needed_to_carry` asks for.
-    given : Handed or None
-        What it went on from, at its own parameters; None if it began as any motion does.
+        Contains the measures of :func:`needed_to_carry`.
+    given : CarriedState or None
+        State from which it started, at its own parameters; None if it started from the initial
+        state.
     """
     names = system.declaration.state
     code = int(found["outcome"][0])
@@ -161,11 +162,11 @@ def handed_by(
     )
     repeats = code in (Outcome.PERIODIC.code, Outcome.STEADY.code)
     rate = shift / float(found["duration"][0]) if repeats else None
-    return handed_on(system, parameters, float(found["time"][0]), state, rate)
+    return carried_state(system, parameters, float(found["time"][0]), state, rate)
 
 
-def stored_of(system: System, handed: list[Handed | None]) -> dict[str, Array]:
-    """What points hand on as variables of a map."""
+def stored_of(system: System, handed: list[CarriedState | None]) -> dict[str, Array]:
+    """Carried states as variables of a map."""
     names = ("time", *system.declaration.state)
     table = np.full((len(handed), len(names)), np.nan)
     for row, one in zip(table, handed, strict=True):

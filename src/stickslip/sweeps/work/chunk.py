@@ -27,7 +27,7 @@ from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed
 from stickslip.stopping.scopes import TimeUp, watching
 from stickslip.sweeps.request.measures import (
     certified_below,
-    known_for_a_time,
+    ends_with_samples,
     measured,
     measured_again,
     needs_close_look,
@@ -45,34 +45,35 @@ def measure_chunk(
     start: float | None = None,
     time_limit: float | None = None,
 ) -> dict[str, Array]:
-    """Measures of what motions settle on.
+    """Measures of settled motions.
 
     Parameters
     ----------
     initial, parameters : mapping of str to array, shape (points,)
-        What varies; numbers hold for all points. What a point gives does not depend on the others.
+        Values that vary; numbers hold for all points. The result of a point does not depend on the
+        others.
     measures : sequence of str
         See :mod:`stickslip.sweeps.request.measures`.
     device : str
         ``"cpu"`` or ``"gpu"``.
     section : bool
         Whether the points are states of a section, which share their parameters (and so their
-        closed forms); one that friction cannot hold starts at the nearest place at which it can.
+        closed forms); a state outside the stable set starts at the nearest stable state.
     start : float, optional
-        When the motions begin; by default with the span of the system.
+        Start time of the motions; by default that of the span of the system.
     time_limit : float, optional
-        Seconds of processor time that each point may take.
+        Processor-time limit of each point in seconds.
 
     Returns
     -------
     dict of str to array, shape (points,)
-        By measure; NaN where there is nothing to measure. Always also ``outcome`` (codes of
+        By measure; NaN if undefined. Always also ``outcome`` (codes of
         :class:`stickslip.motion.outcome.Outcome`); ``certificate``, the largest of the residual of
         the energy balance, the violation of the friction law, the defect of the equations of
-        motion, the failure to close, and a number that exceeds the tolerance if a shorter period
-        closes within it; ``lacking``, the first condition of a certificate that is not met
-        (:data:`stickslip.sweeps.request.measures.MISSING`); and ``excess``, by how much the initial
-        state violates |∂Φ| ≤ s.
+        motion, the closure error, and a number that exceeds the tolerance if a shorter period
+        closes within it; ``lacking``, the failed criterion of a certificate
+        (:data:`stickslip.sweeps.request.measures.MISSING`); and ``excess``, the violation of |∂Φ| ≤
+        s by the initial state.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def measure_chunk(
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
-    if known_for_a_time(system):
+    if ends_with_samples(system):
         seen = _over_the_span(problem, table, states, settings, time_limit)
         again = measured_again(problem, table, seen, measures, settings, time_limit)
         return measured(problem, seen, measures, certified_below(settings)) | again

@@ -23,7 +23,12 @@ from stickslip.machine_code.words import Elsewhere, by_python
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES, make_bench
-from stickslip.orbits.settling.engine.threads import Desk, Shared, advance_thread, grow_thread
+from stickslip.orbits.settling.engine.threads import (
+    Shared,
+    ThreadSpace,
+    advance_thread,
+    grow_thread,
+)
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Settings
 from stickslip.translator.values import TupleType, entry_types
 
@@ -39,7 +44,7 @@ _ENTRIES = advance_thread, grow_thread
 
 
 class Device(Protocol):
-    """A machine with memory of its own, where threads run."""
+    """A device with separate memory, on which threads run."""
 
     name: str
 
@@ -72,13 +77,13 @@ class Device(Protocol):
         ...
 
     def launch(self, function: Any, words: Array, count: int) -> None:
-        """Run what was loaded in so many threads, and wait for all of them; the words are all
-        arguments but the last, which is the number of the thread."""
+        """Run the loaded kernel in a number of threads, and wait for all of them; the words are all
+        arguments except the last, which is the number of the thread."""
         ...
 
 
 def check_device() -> None:
-    """Reject to work without a GPU, or without what drives it.
+    """Raise an error without a GPU, or without its driver.
 
     Raises
     ------
@@ -111,15 +116,15 @@ def lanes_on_device(problem: Problem, settings: Settings) -> int:
     table = np.array([list(problem.parameters.values())])
     states = np.zeros((1, int(problem.rows.sizes[DIMENSION])))
     block = Block(problem, table, states, settings, False)
-    tables = problem.empty_forms(1, POINT_SLOTS), desk_for(problem), block.marks
+    tables = problem.empty_forms(1, POINT_SLOTS), thread_space(problem), block.marks
     sizes: list[int] = []
     each(lambda part: sizes.append(part.nbytes), tables)
     return int(np.clip(_SHARE * find_device().free() / sum(sizes), 1, DEVICE_LANES))
 
 
-def desk_for(problem: Problem) -> Desk:
-    """Work space of a thread; there are so many that none keeps what others made."""
-    return Desk(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
+def thread_space(problem: Problem) -> ThreadSpace:
+    """Work space of a thread; it contains no results of other threads."""
+    return ThreadSpace(problem.space(), problem.flight(False), make_bench(problem, _ROOM))
 
 
 class Memory:
@@ -176,7 +181,7 @@ class OnDevice:
         self.saved: Any = each(memory.put, block.saved)
         self.found: Any = each(memory.put, block.found)
         self.shared: Any = Shared(
-            each(partial(memory.put_for_all, self.count), desk_for(block.problem)),
+            each(partial(memory.put_for_all, self.count), thread_space(block.problem)),
             self.marks,
             each(memory.put, block.rules._replace(most=most)),
             self.saved,
@@ -192,7 +197,7 @@ class OnDevice:
         self._launch(1, [(self.block.lanes, self.engine), (self.block.twins, self.twin)])
 
     def _asked(self) -> tuple[Any, Any]:
-        """What the host proves from, and decides: here and there."""
+        """Data from which the host proves and decides, on the device and on the host."""
         here, there = self.block.marks, self.marks
         names = "outcome", "real", "size", "home", "numbers"
         return (
@@ -208,11 +213,11 @@ class OnDevice:
         self._fetch(*self._asked())
 
     def answer(self) -> None:
-        """Send what was proved of them."""
+        """Send the results of the proofs."""
         self._send(*self._asked())
 
     def fetch(self) -> None:
-        """Bring what was found, and where the motions are, to the host."""
+        """Copy the results and the states of the motions to the host."""
         self.ask()
         self._fetch(self.block.found, self.found)
 
@@ -223,8 +228,8 @@ class OnDevice:
             self._fetch(getattr(here, name), getattr(there, name))
 
     def _launch(self, number: int, involved: list[tuple[Lanes, Any]]) -> None:
-        """Send what the host has changed, let all motions go on, and bring back what the host looks
-        at."""
+        """Send the changes of the host, advance all motions, and fetch the data that the host
+        needs."""
         looked_at = [(lanes.codes, there.codes) for lanes, there in involved]
         looked_at.append((self.block.marks.numbers, self.marks.numbers))
         for here, there in looked_at:

@@ -21,7 +21,7 @@ from stickslip.sweeps.request.user_measures import (
     FormulaMeasure,
     FunctionMeasure,
     Measure,
-    asked_again,
+    argument_of,
     read_measures,
     variable,
 )
@@ -40,7 +40,7 @@ class Work:
     model : str
         Model file of the system.
     asked : tuple
-        What the measures are made of again.
+        Arguments from which the measures are created again.
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     section, carries : bool
@@ -63,8 +63,8 @@ class Work:
 
 
 def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) -> Work:
-    """The work that a plan asks for at its points."""
-    asked = tuple(asked_again(measure) for measure in plan.measures)
+    """The work of a plan at its points."""
+    asked = tuple(argument_of(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
     model = plan.model
     carries = plan.carry is not None
@@ -102,7 +102,7 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
 
 
 def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) -> dict[str, Array]:
-    """Everything that is stored of some points.
+    """Compute all stored variables of some points.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
     Returns
     -------
     dict of str to array, shape (points,)
-        By variable; what is not a number where there is nothing to measure.
+        By variable; NaN if undefined.
 
     Raises
     ------
@@ -129,28 +129,28 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
 
 def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Array]:
     """Points one after the other, each from where the one before has come to."""
-    from stickslip.sweeps.work.carrying import handed_by, stored_of
-    from stickslip.sweeps.work.handed import Handed, taken_up
+    from stickslip.sweeps.work.carried_state import CarriedState, resumed_state
+    from stickslip.sweeps.work.carrying import passed_on, stored_of
 
     system, _ = _prepared(work)
     found: list[dict[str, Array]] = [{}] * len(runs.order)
-    left: list[Handed | None] = [None] * len(runs.order)
-    handed: Handed | None = None
+    left: list[CarriedState | None] = [None] * len(runs.order)
+    handed: CarriedState | None = None
     for j, i in enumerate(runs.order.tolist()):
         handed = runs.begins.get(j, handed)
         here = {name: values[i : i + 1] for name, values in columns.items()}
         own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
         own = {**system.values, **own}
-        begun = None if handed is None else taken_up(system, handed, own)
+        begun = None if handed is None else resumed_state(system, handed, own)
         found[i] = _side_by_side(work, here, begun)
-        given = Handed(own, begun[0], handed.state) if begun and handed else None
-        handed = left[i] = handed_by(system, own, found[i], given)
+        given = CarriedState(own, begun[0], handed.state) if begun and handed else None
+        handed = left[i] = passed_on(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
     return stored | stored_of(system, left)
 
 
 def _stored(work: Work) -> list[str]:
-    """What is kept of a point, but for what it hands on."""
+    """Stored variables of a point, without the carried state."""
     _, measures = _prepared(work)
     own = [variable(m) for m in measures if not isinstance(m, str)]
     return [*map(variable, measures), *(f"{name}_missing" for name in own), *OWN]

@@ -1,7 +1,7 @@
 """Schedulers: threads, processes, or the workers of a Dask cluster.
 
-All three are executors of :mod:`concurrent.futures`, and one loop serves them. What is computed at
-a point does not depend on who computes it, nor on what else is computed.
+All three are executors of :mod:`concurrent.futures`, used by the same loop. The result at a point
+does not depend on the scheduler, nor on the other points.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ _LOCAL = ("threads", "processes")
 
 
 class Interrupt:
-    """A request to end early, from Ctrl-C: the first one gives up what is under way, the second one
-    everything at once.
+    """A request to end early, from Ctrl-C: the first one stops running tasks, the second one ends
+    immediately.
 
     Parameters
     ----------
     flag : array of int, shape (1,)
-        Becomes 1; those who work look at it.
+        Set to 1; polled by the workers.
     """
 
     def __init__(self, flag: Array | None = None) -> None:
         self.flag: Array = np.zeros(1, np.int64) if flag is None else flag
 
     @property
-    def wished(self) -> bool:
-        """Whether to end."""
+    def requested(self) -> bool:
+        """Whether a stop was requested."""
         return bool(self.flag[0] != 0)
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if self.wished:
+        if self.requested:
             raise KeyboardInterrupt
         self.flag[0] = 1
         if os.isatty(2):  # written at once: a signal may come in the middle of other output
@@ -95,12 +95,12 @@ class Pool:
     Attributes
     ----------
     flag : array of int, shape (1,)
-        In the memory that threads and processes share; 1 once they have to give up what they do.
+        In memory shared by threads and processes; 1 if running tasks must stop.
 
     Raises
     ------
     DeclarationError
-        If the number of workers is none.
+        If the number of workers is invalid.
     StickslipError
         If there is no cluster at the address.
     """
@@ -134,7 +134,8 @@ class Pool:
                 self._client.close()
 
     def close(self, executor: Executor | None = None) -> None:
-        """Send the workers home, or those of one executor; what they have not begun is dropped."""
+        """Shut down the workers, or those of one executor; tasks that have not started are
+        cancelled."""
         if self._executor is not None and executor in (None, self._executor):
             # The executor of a cluster cancels what it does not wait for, without being asked.
             options = {"cancel_futures": True} if self._client is None else {}
@@ -147,14 +148,14 @@ class Pool:
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[[_T], _R], task: _T) -> tuple[Future[_R | None], Executor]:
-        """Hand out a task, and record who has it."""
+        """Submit a task, and record its executor."""
         try:
-            return self._hand_out(function, task)
+            return self._submit_one(function, task)
         except BrokenExecutor:
             self._executor = None
-            return self._hand_out(function, task)
+            return self._submit_one(function, task)
 
-    def _hand_out(
+    def _submit_one(
         self, function: Callable[[_T], _R], task: _T
     ) -> tuple[Future[_R | None], Executor]:
         executor = self._executor = self._executor or self._open()
@@ -163,7 +164,7 @@ class Pool:
         return executor.submit(_attempt_elsewhere, function, task, self._key), executor
 
     def give_up(self) -> None:
-        """Raise the flag of those who do not share the memory of this machine."""
+        """Set the flag of workers that do not share memory with this machine."""
         if self._client is None:
             return
         # A worker that has just died never answers.
@@ -276,19 +277,19 @@ def local_cluster(workers: int | None) -> Iterator[str]:
 def distribute(
     function: Callable[[_T], _R], tasks: Iterable[_T | None], pool: Pool, stop: Interrupt
 ) -> Iterator[tuple[_T, _R]]:
-    """Results of tasks, in the order in which they are ready; few are under way at any time.
+    """Results of tasks, in the order of completion; few tasks are submitted at any time.
 
     Parameters
     ----------
     function : callable
-        Of a task; it runs in a scope with the flag of the pool (:mod:`stickslip.stopping`). Its
-        results are not None.
+        Function of a task; it runs in a scope with the flag of the pool
+        (:mod:`stickslip.stopping`). Its results are not None.
     tasks : iterable
-        Looked at one by one, as workers become free. None says that all others wait for what is
-        under way: they are asked for again when some of that is done.
+        Consumed one by one, as workers become free. None means that all remaining tasks wait for
+        running ones; the iterator is then polled again after a task completes.
     stop : Stop
-        Once it is wished for, no task is begun any more, and what is not ready in a moment is given
-        up.
+        After a request no task is started, and tasks that are not ready shortly afterwards are
+        abandoned.
 
     Yields
     ------
@@ -297,7 +298,7 @@ def distribute(
     Raises
     ------
     StickslipError
-        If workers die over one task again and again, or the cluster goes away.
+        If workers die repeatedly in one task, or the cluster disconnects.
     """
     source = iter(tasks)
     again = list[_T]()
@@ -306,7 +307,7 @@ def distribute(
     last = False
     while True:
         most = _AHEAD * pool.width
-        while not stop.wished and len(pending) < most:
+        while not stop.requested and len(pending) < most:
             task = again.pop() if again else next(source, None)
             if task is None:
                 break
@@ -316,7 +317,7 @@ def distribute(
             for future in pending:
                 future.cancel()
             return
-        last = stop.wished
+        last = stop.requested
         if last:
             pool.give_up()
         for future in wait(
@@ -340,7 +341,7 @@ def distribute(
 
 
 def _worker_died(error: Exception) -> bool:
-    """Whether a task failed for no fault of its own."""
+    """Return whether a task failed because its worker died."""
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 

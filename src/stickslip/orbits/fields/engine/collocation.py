@@ -80,8 +80,8 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
 
 @compiled()
 def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None:
-    """One step of Φ' = J_y Φ + J_p where J_y is the same all the time: its flow, and what each
-    column of J_p adds on the way.
+    """One step of Φ' = J_y Φ + J_p with constant J_y: the flow of J_y, and the contribution of each
+    column of J_p.
 
     Parameters
     ----------
@@ -150,8 +150,8 @@ def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) 
 
 @compiled()
 def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> None:
-    """The flow of one step under one Jacobian: what collocation at the Gauss nodes comes to, the
-    diagonal Padé approximant N/D of exp(hJ), with N = V + U and D = V − U, even and odd in hJ.
+    """The flow of one step with constant Jacobian. Collocation at the Gauss nodes is the diagonal
+    Padé approximant N/D of exp(hJ), with N = V + U and D = V − U, where V is even and U odd in hJ.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ def guards_at(listed: Listed, run: Pass, values: Array, w: int, knot: int, out: 
 
 @compiled()
 def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
-    """The guard that fired: of those that belong to the causes, else to a switch that changed, the
-    one at zero; −1 if there is none.
+    """The guard that fired: among the guards of the causes, otherwise of the switches that changed,
+    the one at zero; −1 if there is none.
 
     Parameters
     ----------
@@ -104,7 +104,8 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
 
 @compiled()
 def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) -> bool:
-    """Whether events that coincide do so for all neighbours, too, so that they are one.
+    """Return whether events that coincide do so for all neighbouring motions, so that they are a
+    single event.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) 
     count : int
         Their number.
     arrived : array, shape (columns, directions)
-        The variation before the events.
+        Variation before the events.
     """
     largest, apart = 0.0, 0.0
     for d in range(arrived.shape[1]):
@@ -150,14 +151,15 @@ def jump(here: Leave, g: int, onward: Vector, usual: float, change: Matrix) -> i
     onward : array, shape (states,)
         The rates beyond it.
     usual : float
-        The rate at which it usually falls.
+        Typical rate of decrease of the guard.
     change : array, shape (columns, directions)
         The variation before, and after.
 
     Returns
     -------
     int
-        `PASSED`, or `GRAZED` where the guard is touched without being crossed: then nothing jumps.
+        `PASSED`, or `GRAZED` if the guard is touched without being crossed: then the variation does
+        not jump.
     """
     n = len(onward)
     largest, size = 0.0, 0.0
@@ -177,8 +179,8 @@ def jump(here: Leave, g: int, onward: Vector, usual: float, change: Matrix) -> i
 
 @compiled()
 def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) -> int:
-    """The variation after some events, from that before, which stands at the first of them; says
-    what became of it.
+    """The variation after some events, from the variation before the first of them; returns the
+    outcome.
 
     Parameters
     ----------
@@ -224,14 +226,14 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 @compiled()
 def moves_masses_in_plane(rows: Rows, c: int) -> bool:
-    """Whether a contact is one in a plane, and moves masses."""
+    """Return whether a contact is planar, and moves masses."""
     return bool(rows.plane[c] >= 0 and plane_of(rows, c)[MASSIVE] == 1)
 
 
 @compiled()
-def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
-    """Whether a slip in a plane, or of a contact that may share its force with such, begins or ends
-    at a knot; or goes on through rest.
+def reverses(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
+    """Return whether a planar slip, or a slip of a contact that may share forces with a planar one,
+    begins or ends at a knot, or passes through rest.
 
     Parameters
     ----------
@@ -257,17 +259,17 @@ def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) 
 
 
 @compiled()
-def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
-    """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
-    whether a slip in a plane begins or ends, or turns round, where its field has no value, or one
-    of contacts that share forces.
+def is_discontinuous(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
+    """Return whether the state jumps at a knot (a gap has closed, or a declared jump occurred), or
+    a planar slip, or a slip of contacts that share forces, begins, ends or reverses, where its
+    field is undefined.
 
     Parameters
     ----------
     i : int
         The knot; not the first.
     """
-    if turns_about(rows, listed, run, work, i):
+    if reverses(rows, listed, run, work, i):
         return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)

@@ -1,8 +1,8 @@
 """An interpreter of expressions in compiled loops: fields, guards and their derivatives at given
 points, without code compiled for the system.
 
-The points of a block are looked at side by side, so that what an instruction costs to be read is
-paid once for all of them.
+The points of a block are evaluated together, so that each instruction is decoded once for all of
+them.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ class Instructions(NamedTuple):
 
 @compiled()
 def perform(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
-    """Follow some instructions.
+    """Execute some instructions.
 
     Parameters
     ----------
     first, last : int
-        The instructions from one on, and before another.
+        Range of the instructions.
     values : array, shape (places, LANES)
-        What is given, and what comes of it.
+        Operands and results.
     lanes : int
-        How many columns matter.
+        Number of columns in use.
     """
     for i in range(first, last):
         operation = made.code[i, OPERATION]
@@ -95,9 +95,9 @@ def interpret(
     Parameters
     ----------
     once : int
-        So many of them are the same for all points.
+        Number of instructions whose results are the same for all points.
     wanted : array of int
-        Places of what is wanted.
+        Places of the requested values.
     given : array, shape (names, points)
     values : array, shape (places, LANES)
         Work space.

@@ -1,13 +1,13 @@
-"""Steps of a first variation by the eigenvalues of its Jacobian, in compiled loops: exact however
-many turns of the fastest mode a step takes.
+"""Steps of a first variation by the eigenvalues of its Jacobian, in compiled loops: exact for steps
+of many periods of the fastest mode.
 
-Where the Jacobian A is the same at all states, y' = A y + g(t) with A = V Λ L, and a change is
-moved by V exp(hΛ) L. A parameter adds V φ, with the derivative A_p y + g_p of the rates by it,
+With a constant Jacobian A, y' = A y + g(t) with A = V Λ L, and a perturbation is multiplied by V
+exp(hΛ) L. A parameter adds V φ, with the derivative A_p y + g_p of the rates with respect to it,
 
     φ_b = ∫ exp((h − s)λ_b) L_b (A_p y(s) + g_p(s)) ds.
 
-The loads g and g_p are smooth, whatever the modes do: they are interpolated at Gauss nodes, and the
-integrals of exponentials times Legendre's polynomials are known, e^{z/2} (−1)ᵈ i_d(z/2) with the
+The loads g and g_p vary slowly compared with the modes: they are interpolated at Gauss nodes, and
+the integrals of exponentials times Legendre polynomials are known, e^{z/2} (−1)ᵈ i_d(z/2) with the
 modified spherical Bessel functions i_d. The state is a sum of modes, y = Re Σ V_j w_j with w_j' =
 λ_j w_j + γ_j and γ = L g, and by parts
 
@@ -74,14 +74,14 @@ _LEFT, _WEIGHED, _COEFFICIENTS = _legendre()
 
 @compiled(inline=True)
 def spans_many(listed: Listed, run: Pass, w: int, h: float) -> bool:
-    """Whether a step is worth being taken by eigenvalues."""
+    """Return whether a step by eigenvalues is cheaper."""
     many = MANY if run.knots.state.shape[1] < LARGE else 1
     return bool(h * max(run.drives, listed.spectra.rate[w]) > many * PADE_REACH)
 
 
 @compiled(inline=True)
 def by_eigenvalues(listed: Listed, run: Pass, i: int) -> bool:
-    """Whether the step from a knot is taken by eigenvalues."""
+    """Return whether the step from a knot is taken by eigenvalues."""
     w = run.piece[i]
     if run.modal == 0 or listed.steady[w] == 0 or listed.spectra.state[w] != DECOMPOSED:
         return False
@@ -167,7 +167,7 @@ def modal_component(
 
 @compiled(brief=True)
 def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int, until: int) -> None:
-    """Put what each parameter adds between two knots, in eigenvectors, into `driven`."""
+    """Store the contribution of each parameter between two knots, in eigenvectors, in `driven`."""
     s = listed.spectra
     w = run.piece[i]
     n = len(run.knots.state[i])
@@ -309,12 +309,12 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
 def add_through_state(
     listed: Listed, run: Pass, work: PassSpace, i: int, until: int, p: int
 ) -> None:
-    """Add what a parameter adds through the state, A_p y, between two knots to `driven`.
+    """Add the contribution A_p y of a parameter between two knots to `driven`.
 
     Parameters
     ----------
     work : PassSpace
-        With the loads between them.
+        Contains the loads between them.
     i, until : int
         The knots.
     p : int
@@ -358,7 +358,8 @@ def add_through_state(
 def modal_step(
     listed: Listed, run: Pass, work: PassSpace, i: int, until: int, change: Array
 ) -> None:
-    """The change between two knots of a piece: moved by exp(hA), and what the parameters add.
+    """The perturbation at the later of two knots of a piece: multiplied by exp(hA), plus the
+    contributions of the parameters.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Rows
 from stickslip.motion.steps.sets import slides_in_plane
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
-from stickslip.orbits.fields.engine.events import turns_about
+from stickslip.orbits.fields.engine.events import reverses
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.modal import PADE_REACH, by_eigenvalues, spans_many
 from stickslip.orbits.fields.engine.tables import (
@@ -103,9 +103,9 @@ def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int)
 
 @compiled()
 def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
-    """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
-    where a slip in a plane ends each half of what is left has the same number of them, since the
-    Jacobian is singular there, as 1/abs(u)."""
+    """Start and length of a part of a step, as fractions of the step. All parts are equal, except
+    before the end of a planar slip, where they are graded geometrically, since the Jacobian is
+    singular there, as 1/abs(u)."""
     if run.parts[i] > 0:
         return part / run.parts[i], 1.0 / run.parts[i]
     share = -run.parts[i] // _HALVES
@@ -117,12 +117,12 @@ def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
 
 @entry_point()
 def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
-    """In how many parts each step has to be taken for linear motions to be resolved; returns the
-    number of nodes at which states are wanted, or −1 where the eigenvalues of a piece are, whose
-    number is then the event.
+    """Number of parts of each step that resolve linear motions. Returns the number of nodes at
+    which states are needed, or −1 if the eigenvalues of a piece are needed; its number is then the
+    event.
 
-    Where a slip in a plane begins or ends there is no Jacobian; what it would be is a quotient of
-    rounding errors.
+    At the beginning and end of a planar slip the Jacobian is undefined; its formula would be a
+    quotient of rounding errors.
     """
     nodes = 0
     before = -1
@@ -138,7 +138,7 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
                     before = w
                     remember_rate(listed, run, work, w, i)
                 rate = max(rate, listed.spectra.rate[w])
-            elif i == 0 or not turns_about(rows, listed, run, work, i):
+            elif i == 0 or not reverses(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
             if listed.steady[w] == 1:
                 run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
@@ -149,12 +149,12 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
                 ):
                     run.event[BEGINS] = w
                     return -1
-            elif slides_in_plane(rows, run.knots.mode[i]) and turns_about(
+            elif slides_in_plane(rows, run.knots.mode[i]) and reverses(
                 rows, listed, run, work, i + 1
             ):
                 run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / PADE_REACH))
             else:
-                if not turns_about(rows, listed, run, work, i + 1):
+                if not reverses(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
                 run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
         nodes += nodes_of(listed, run, i)
@@ -163,8 +163,8 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
 
 @compiled()
 def nodes_of(listed: Listed, run: Pass, i: int) -> int:
-    """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
-    all and no parameter is asked for, or where eigenvalues take the step."""
+    """Number of nodes of a step at which states are needed: none if the Jacobian is constant and
+    there are no parameters, or for steps by eigenvalues."""
     even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.knots.state.shape[1]
     if even or not time_of(run, i + 1) > time_of(run, i) or by_eigenvalues(listed, run, i):
         return 0

@@ -99,21 +99,21 @@ class Listed(NamedTuple):
     Attributes
     ----------
     slopes, guards : arrays of int, shape (pieces, 3)
-        Which of them give the Jacobian, and rates and guards with their slopes: the first that is
-        the same for all points, the first that is not, and the end.
+        Ranges of the instructions for the Jacobian, and for rates and guards with their slopes: the
+        first that is the same for all points, the first that is not, and the end.
     jacobian : array of int, shape (pieces, states × columns)
         Places of the Jacobian in the table of values.
     rates : array of int, shape (pieces, states)
         Places of the rates.
     falls : array of int, shape (pieces, guards, 2 + columns)
-        Places of the guards, of their derivatives by time, and by the columns.
+        Places of the guards, and of their derivatives with respect to time and to the columns.
     switches : array of int, shape (pieces, guards)
-        The switch that each belongs to; −1 where there is none.
+        Switch of each guard; −1 if there is none.
     settings : array of int, shape (pieces, switches)
     steady : array of int, shape (pieces,)
-        1 where the Jacobian is the same at all states.
+        1 if the Jacobian is constant.
     timely : array of int, shape (pieces,)
-        1 where derivatives of the rates by the free parameters depend on time alone.
+        1 if derivatives of the rates with respect to the free parameters depend on time alone.
     """
 
     made: Instructions
@@ -130,7 +130,7 @@ class Listed(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """A motion on the way of being differentiated.
+    """State of a pass that differentiates a motion.
 
     Attributes
     ----------
@@ -148,14 +148,14 @@ class Pass(NamedTuple):
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
-        In which each step is resolved; negative where these become shorter towards its end.
+        Number of parts of each step; negative if they become shorter towards its end.
     after : array, shape (knots, columns, directions)
         Change of (state, p) right after each knot.
     late : array, shape (knots, directions)
-        How the time of the event there changes; not a number where there is none. Of no direction,
-        if it has no columns.
+        Derivatives of the time of the event at each knot; NaN if there is none. Without columns if
+        they are not needed.
     outcome : array of int, shape (knots,)
-        What became of the event there: `PASSED` or `GRAZED`.
+        Outcome of the event at each knot: `PASSED` or `GRAZED`.
     event : array of int
         The event at which the pass has stopped: the knots at which it begins and ends, the number
         of switches that are meeting there, and these, the one that fired first.
@@ -209,8 +209,8 @@ class PassSpace(NamedTuple):
     squares : array, shape (5, states, states)
     moved : array, shape (states, directions)
     modal : array, shape (2, states, directions)
-        Real and imaginary parts of a change in eigenvectors; this and what follows is of steps by
-        eigenvalues.
+        Real and imaginary parts of a perturbation in eigenvectors; this and the following arrays
+        are for steps by eigenvalues.
     moments, later : arrays of complex, shape (STAGES, states)
     driven : array of complex, shape (parameters, states)
     legendre : array of complex, shape (STAGES + 1,)

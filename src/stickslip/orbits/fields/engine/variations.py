@@ -14,7 +14,7 @@ from stickslip.orbits.fields.engine.collocation import (
     put_matrix,
     repeat,
 )
-from stickslip.orbits.fields.engine.events import pass_event, strikes
+from stickslip.orbits.fields.engine.events import is_discontinuous, pass_event
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.modal import by_eigenvalues, modal_step
 from stickslip.orbits.fields.engine.resolution import (
@@ -98,7 +98,7 @@ def last_alike(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -
     while (
         last + 1 < len(run.piece)
         and run.piece[last] == run.piece[i]
-        and not strikes(rows, listed, run, work, last)
+        and not is_discontinuous(rows, listed, run, work, last)
     ):
         last += 1
     return last
@@ -120,11 +120,11 @@ def vary(
     Returns
     -------
     int
-        `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
-        state jumps (of both the caller has to say what comes after it, and to go on from there),
-        `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
-        has to be room as the event, `SPECTRUM_ASKED` with the piece whose eigenvalues are wanted,
-        or `HALTED` if a stop is requested.
+        `PASSED`; `CORNER` if guards vanish together that do not for neighbouring motions; `STRUCK`
+        if the state jumps (for both, the caller supplies the variation after the event, and resumes
+        from there); `UNEXPLAINED` if no guard has fired; `CROWDED`, with the required number of
+        nodes as the event; `SPECTRUM_ASKED`, with the piece whose eigenvalues are needed; or
+        `HALTED` if a stop is requested.
     """
     if start == 0:
         nodes = resolve_steps(flow.rows, listed, run, work)
@@ -160,12 +160,12 @@ def vary(
         if i <= start:
             continue
         last = i
-        if strikes(flow.rows, listed, run, work, i):
+        if is_discontinuous(flow.rows, listed, run, work, i):
             run.event[BEGINS], run.event[ENDS] = i, i
             return STRUCK
         if run.piece[i] != run.piece[i - 1]:
             while last + 2 < knots and time_of(run, last + 1) - time_of(run, i) <= 1e-3 * together:
-                if strikes(flow.rows, listed, run, work, last + 1):
+                if is_discontinuous(flow.rows, listed, run, work, last + 1):
                     break
                 last += 1
             run.event[BEGINS], run.event[ENDS] = i, last

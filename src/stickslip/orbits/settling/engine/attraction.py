@@ -1,23 +1,23 @@
 """Proof that a motion converges to the cycle found by extrapolation of its returns, in compiled
 code.
 
-At a station on the cycle, in the middle of its longest flight, let x* be the state, M the
-monodromy matrix of the first variation (:mod:`stickslip.orbits.fields.engine.variations`), and e
-the deviation of the true motion. It has to be seen that
+At a station on the cycle, in the middle of its longest flight, let x* be the state, M the monodromy
+matrix of the first variation (:mod:`stickslip.orbits.fields.engine.variations`), and e the
+deviation of the true motion. The conditions are:
 
-* no multiplier is greater than 1 (Gelfand's formula ρ = lim ‖Mᵏ‖^{1/k}, by squaring), and nothing
-  is left of e in the end, lim Mᵏe = 0;
-* the return of the true motion goes through the same modes, and its deviation is M e but for a
-  curvature that is small all the way: were it as large everywhere as it is here, relative to the
-  square of the deviation, it would add up to less than a part of e;
-* so do returns from the deviations Mʲe that it has later, those in between included: every one of
-  them is within a narrow cone around one that has been followed, and shorter.
+* no multiplier exceeds 1 (Gelfand's formula ρ = lim ‖Mᵏ‖^{1/k}, by squaring), and e vanishes in the
+  limit, lim Mᵏe = 0;
+* the return of the true motion has the same sequence of modes, and its deviation is M e up to a
+  small quadratic term: with the same size everywhere, relative to the square of the deviation,
+  these terms would add up to less than a fraction of e;
+* the same holds for returns from the later deviations Mʲe, and those in between: each of them is
+  within a narrow cone around one that has been followed, and shorter.
 
-Translations count for nothing, and neither do delays, where no drive tells the time: both are
-taken off deviations and off M.
+Translations, and delays of autonomous systems, are irrelevant: both are projected out of deviations
+and of M.
 
-What sticks makes families of cycles, and a jump over a beat in which it would have slipped ends on
-another one of them: that is what the third condition is for.
+Sticking contacts lead to families of cycles, and an extrapolation that skips a slip would end on
+another member of the family: the third condition excludes this.
 """
 
 from __future__ import annotations
@@ -195,9 +195,11 @@ def prove_lane(
             return UNKNOWN_MODE
     if not differentiate(e, m, rules, bench, c, i, count):
         return REFUSED
-    if not (radius(c) <= 1.0 + _GROWTH and ends_here(rules, c) and comes_home(c)):
+    if not (
+        radius(c) <= 1.0 + _GROWTH and deviation_vanishes(rules, c) and curvature_negligible(c)
+    ):
         return REFUSED
-    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else REFUSED
+    return PROVED if same_mode_sequence(e, m, rules, bench, c, i, word) else REFUSED
 
 
 @compiled()
@@ -411,7 +413,7 @@ def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) 
 
 @compiled()
 def nearly_equal(A: Array, B: Array) -> bool:
-    """Whether two matrices are the same but for rounding."""
+    """Return whether two matrices are equal up to rounding."""
     size = 0.0
     apart = 0.0
     for r in range(len(A)):
@@ -463,8 +465,8 @@ def put_image(M: Array, v: Array, out: Array) -> None:
 
 
 @compiled()
-def ends_here(rules: Rules, c: Claims) -> bool:
-    """Whether nothing is left of the deviation of the true motion in the end."""
+def deviation_vanishes(rules: Rules, c: Claims) -> bool:
+    """Return whether the deviation of the true motion vanishes in the limit."""
     power, square = c.squares[0], c.squares[1]
     put_matrix(c.after[0], power)
     for _ in range(_AT_LAST):
@@ -476,9 +478,9 @@ def ends_here(rules: Rules, c: Claims) -> bool:
 
 
 @compiled()
-def comes_home(c: Claims) -> bool:
-    """Whether the curvature of the return map, as far as the true motion shows it, is too small to
-    matter on the way."""
+def curvature_negligible(c: Claims) -> bool:
+    """Return whether the curvature of the return map, as observed in the true motion, is negligible
+    until convergence."""
     M = c.after[0]
     now, later = c.deviation[_NOW], c.deviation[_LATER]
     first = norm(c.deviation[_HERE])
@@ -501,16 +503,16 @@ def comes_home(c: Claims) -> bool:
 
 
 @compiled()
-def keeps_its_word(
+def same_mode_sequence(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, word: int
 ) -> bool:
-    """Whether returns from the deviations that the motion still has go through the modes of the
-    cycle.
+    """Return whether returns from the remaining deviations of the motion have the mode sequence of
+    the cycle.
 
     Parameters
     ----------
     i, word : int
-        The lane, and the modes of its cycle.
+        The lane, and the mode sequence of its cycle.
     """
     s = e.lanes
     M = c.after[0]
@@ -539,7 +541,7 @@ def keeps_its_word(
 
 @compiled()
 def covered(c: Claims, known: int, v: Array) -> bool:
-    """Whether a deviation is in a narrow cone around a longer one that has been followed."""
+    """Return whether a deviation is in a narrow cone around a longer one that has been followed."""
     length = norm(v)
     for k in range(known):
         p = c.followed[k]

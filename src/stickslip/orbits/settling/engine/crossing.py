@@ -74,15 +74,15 @@ def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> f
 def cross_plane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int
 ) -> int:
-    """Put a mark wherever one of the recorded Taylor steps passes the plane upwards, and see what
-    it says.
+    """Add a mark at each upward crossing of the plane in the recorded Taylor steps, and evaluate
+    it.
 
-    A motion that is carried on by hand starts again from there.
+    An extrapolated motion restarts from there.
 
     Parameters
     ----------
     i, count : int
-        The lane, and how many steps are recorded.
+        The lane, and the number of recorded steps.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def cross_plane(
                 high = middle
             else:
                 low = middle
-        if m.numbers[i, LEAPT] > 0 and starts_there(m, i, t + high):
+        if m.numbers[i, LEAPT] > 0 and starts_in_plane(m, i, t + high):
             continue
         point_on(s.W, N, high / unit, s.trial)
         remember(m, i, -1, 0, t + high, s.trial)
@@ -142,9 +142,9 @@ def cross_plane(
 
 
 @compiled()
-def starts_there(m: Marks, i: int, t: float) -> bool:
-    """Whether a motion that is carried on by hand, which starts in the plane up to rounding, has
-    not left it yet at a time."""
+def starts_in_plane(m: Marks, i: int, t: float) -> bool:
+    """Return whether an extrapolated motion, which starts in the plane up to rounding, is still in
+    it at a time."""
     ring = m.time.shape[1]
     last = m.numbers[i, COUNT] - 1
     start = m.time[i, last % ring]

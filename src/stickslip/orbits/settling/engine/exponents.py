@@ -41,7 +41,7 @@ _CHANGE = 1e-7  # of the size of the motion
 def grow_all(
     e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found
 ) -> None:
-    """Exponents of all lanes that are in the phase of being measured, as far as they come.
+    """Exponents of all lanes in the measuring phase, as far as they are computed before a stop.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def grow_lane(
     found: Found,
     i: int,
 ) -> None:
-    """The exponent of one lane, if it is in the phase of being measured.
+    """The exponent of one lane, if it is in the measuring phase.
 
     Parameters
     ----------
@@ -89,12 +89,12 @@ def grow_apart(
     exponent: Array,
     i: int,
 ) -> bool:
-    """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every
-    stretch.
+    """Largest Lyapunov exponent, from a motion and its twin, which is rescaled to a small distance
+    after every interval.
 
-    What slides without mass is on its threshold, from which a change would take it away; so both go
-    a bit further before the twin leaves, until it can. NaN where it never can. Returns whether that
-    is known, as in :func:`settle`.
+    A contact that slides without mass is on its threshold, from which a perturbation would remove
+    it; the start is then postponed until the twin can be separated. NaN if it never can. Returns
+    whether the exponent is computed, as in :func:`settle`.
 
     Parameters
     ----------

@@ -16,10 +16,10 @@ _SEEN = 1e-12  # of the largest velocity
 
 @compiled()
 def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
-    """Velocity of that frame, by the closed forms that a group has; 0 where there is none.
+    """Velocity of the frame, from the closed forms of a group; 0 if there is none.
 
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt
-    makes up for the time if the column of t is minus the columns of x times v in all modes.
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …): a shift of the state by v·Δt
+    compensates the time if the column of t is minus the columns of x times v in all modes.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def rows_of(T: ClosedForms, slot: int, n: int) -> int:
 
 @compiled()
 def take_row(T: ClosedForms, slot: int, r: int, row: Array) -> float:
-    """The columns of x of a row of a mode, and (returned) that of t: rows of one size, so that none
-    is lost beside the others."""
+    """The columns of x of a row of a mode, and (returned) that of t: rows are scaled to one size,
+    so that rounding does not hide small rows."""
     n = len(row)
     source = T.S[slot, r] if r < n else T.G[slot, r - n]
     size = 0.0

@@ -1,9 +1,9 @@
 """Decisions at a mark of a motion, in compiled code: whether to extrapolate it, and whether it has
 settled.
 
-A motion whose returns go on as they have is carried on to where they lead, down to rounding. What
-it comes to is accepted as its cycle, or the motion is taken back to where it was, and goes on by
-itself.
+If the returns of a motion are predictable, their limit is extrapolated, down to rounding. The limit
+is accepted as its cycle, or the motion is reset to its last computed state, and continues from
+there.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from stickslip.orbits.settling.engine.returns import (
     bring_home,
     distance,
     extrapolate,
-    foretold,
     has_settled,
     look_back,
     look_wide,
     miss,
+    recurrence_order,
     shortest_lag,
     words_alike,
 )
@@ -74,8 +74,8 @@ _MOST_POLISHED = 24  # returns that polishing may take
 def consider(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int
 ) -> int:
-    """Compare the last mark, at which the saved lane is, with those before it, and decide what is
-    done.
+    """Compare the last mark, which is the state of the saved lane, with those before it, and decide
+    how to proceed.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def consider(
     lag, leapt = numbers[LAG], numbers[LEAPT]
     if leapt != 0:
         if lag != before:
-            return take_back(m, lanes, saved, i)
+            return reset_motion(m, lanes, saved, i)
         return polish(m, rules, lanes, saved, work, fit, i, d)
     if lag == 0 or numbers[SAME] < 1:
         return GO_ON
@@ -109,16 +109,16 @@ def consider(
     elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
     elif whole and rules.leaping and numbers[COUNT] >= numbers[REST]:
-        k = foretold(m, rules, i, work, fit)
+        k = recurrence_order(m, rules, i, work, fit)
         if k > 0:
             return leap(m, rules, lanes, saved, work, fit, i, d, k)
     return GO_ON
 
 
 @compiled()
-def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
-    """Whether a motion that is carried on by hand does not return: it may have been taken to where
-    it comes to rest."""
+def fails_to_return(m: Marks, rules: Rules, i: int, t: float) -> bool:
+    """Return whether an extrapolated motion does not return: the extrapolated state may lead to
+    rest."""
     ring = m.time.shape[1]
     last = m.numbers[i, COUNT] - 1
     period = m.time[i, last % ring] - m.time[i, (last - m.numbers[i, LAG]) % ring]
@@ -135,7 +135,7 @@ def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
     Parameters
     ----------
     d : float
-        What the last return misses by.
+        Closure error of the last return.
     """
     numbers, real = m.numbers[i], m.real[i]
     copy_lane(saved, i, m.home, i)
@@ -165,7 +165,7 @@ def leap(
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     d : float
-        What the last return misses by.
+        Closure error of the last return.
 
     Returns
     -------
@@ -241,9 +241,8 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
 
 
 @compiled()
-def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
-    """Take a motion back to where it was before it was carried on by hand, and let it go on by
-    itself."""
+def reset_motion(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
+    """Reset a motion to its state before the extrapolation, and let it continue from there."""
     numbers = m.numbers[i]
     # Later and later, so that where no leap is right few are tried.
     patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
@@ -258,14 +257,14 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
 def polish(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float
 ) -> int:
-    """Carry a motion that seems to have settled on to its cycle, down to rounding.
+    """Extrapolate a motion that seems to have settled to its cycle, down to rounding.
 
     Parameters
     ----------
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
     d : float
-        What the last return misses by.
+        Closure error of the last return.
 
     Returns
     -------
@@ -279,7 +278,7 @@ def polish(
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
         return GO_ON
     if real[REACH] > 0.0 and words_alike(m, i, lag, lag) < lag:
-        return take_back(m, lanes, saved, i)
+        return reset_motion(m, lanes, saved, i)
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
         put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
         numbers[LEAPT] = 1
@@ -305,19 +304,19 @@ def polish(
 
 @compiled()
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
-    """Take the polished cycle for what the motion has settled on, if that was within the tolerance
-    of it; if not, it has to be proved that it comes there.
+    """Accept the polished cycle as the limit cycle of the motion if its state was within the
+    tolerance of it; otherwise convergence must be proved.
 
     Parameters
     ----------
     work : array, shape (n,)
     d : float
-        What the polished cycle misses by.
+        Closure error of the polished cycle.
 
     Returns
     -------
     int
-        SETTLED, or CARRIED_ON if it is taken back.
+        SETTLED, or CARRIED_ON if the motion is reset.
     """
     numbers = m.numbers[i]
     real = m.real[i]
@@ -332,7 +331,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
     afar = real[REACH] > 0.0
     if not d <= (rules.real[3] if afar else rules.real[5]) or not (afar or here):
-        return take_back(m, lanes, saved, i)
+        return reset_motion(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
     numbers[LEAPT] = 0 if here else 1

@@ -46,10 +46,10 @@ from stickslip.orbits.settling.engine.marks import elapsed
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,
+    distinct_above,
     gap,
     grow,
     miss,
-    told_apart,
 )
 from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
@@ -111,7 +111,7 @@ def measure(
     Parameters
     ----------
     found : Found
-        Receives what is measured.
+        Receives the measured values.
     """
     flow = own_flow(e, i)
     s = e.lanes
@@ -148,7 +148,7 @@ def measure(
         if carried == 0:
             copy(record.mode[0], bench.mode)
             copy(record.region[0], bench.region)
-            feel(e, flow, record.time[0], record.state[0], bench, bench.felt[0])
+            observe_forces(e, flow, record.time[0], record.state[0], bench, bench.felt[0])
         add_steps(e, flow, rules, bench, count, carried, s.seen[i], sums)
         for j in range(carried, count):
             extend(m, rules, i, real[START], record.time[j], record.state[j], bench)
@@ -168,7 +168,7 @@ def measure(
             size = bench.tally.state[LARGEST, r]
             bench.tally.state[LARGEST, r] = max(size, s.seen[i, r])
     conclude(e, bench, audit)
-    feel(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
+    observe_forces(e, flow, s.clock[i, NOW], s.y[i], bench, bench.felt[1])
     m.felt[i] = difference(bench.felt)
     for r in range(bench.ends.shape[1]):
         found.shift[i, r] = s.y[i, r] - saved.y[i, r]
@@ -183,7 +183,7 @@ def measure(
 
 @compiled()
 def framed(m: Marks, i: int) -> bool:
-    """Whether a lane is looked at in a moving frame, or without whole cells."""
+    """Return whether a lane is compared in a moving frame, or modulo cells."""
     total = float(m.cells.shape[1])
     for r in range(m.frame.shape[1]):
         total += abs(m.frame[i, r])
@@ -220,7 +220,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
             extend(m, rules, i, real[START], bench.record.time[j], bench.record.state[j], bench)
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
-    limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
+    limit = max(distinct_above(m, i), _ROUNDED * e.flow.tol)
     for r in range(bench.ends.shape[1]):
         bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
     if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
@@ -254,8 +254,8 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
 def likely_part(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, p: int
 ) -> int:
-    """The least q ≥ p, 2 or odd, for which a motion is where it was after the q-th part of its
-    period; 0 if there is none."""
+    """The smallest q ≥ p, 2 or odd, for which a motion returns after the q-th part of its period; 0
+    if there is none."""
     real = m.real[i]
     found = 0
     copy_lane(saved, i, e.lanes, i)
@@ -313,14 +313,14 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
 
 @compiled()
 def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
-    """Largest range of a component, relative to its modulus; the sizes of all components are left
-    behind.
+    """Largest range of a component, relative to its modulus; also stores the sizes of all
+    components.
 
     Parameters
     ----------
     largest : array, shape (n,)
-        Largest modulus of each component on the way, if that is known. What all knots have in
-        common may be extreme.
+        Largest modulus of each component along the motion, if known. A component that is equal at
+        all knots may be extreme there.
     """
     ends = bench.ends
     worst = 0.0
@@ -429,7 +429,7 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
 
 
 @compiled()
-def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
+def observe_forces(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
     """Forces and thresholds of the contacts at an instant, in the mode of the first knot.
 
     Parameters
@@ -453,7 +453,7 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
 
 @compiled()
 def difference(felt: Array) -> float:
-    """Largest change of what is felt, relative to the largest force."""
+    """Largest change of the observed forces, relative to the largest force."""
     change, size = 0.0, 0.0
     for c in range(felt.shape[1]):
         change = max(change, abs(felt[1, c] - felt[0, c]))
@@ -475,8 +475,8 @@ def begin(tally: Tally) -> None:
 
 @compiled()
 def conclude(e: Engine, bench: Bench, audit: Array) -> None:
-    """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all
-    could be enclosed."""
+    """The residuals of :mod:`.motion.certify` from the accumulated sums; infinite if an enclosure
+    is missing."""
     balance = bench.balance
     tally = bench.tally
     residuals = bench.residuals
@@ -492,13 +492,14 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
 
 
 @compiled()
-def deceives(outcome: int, change: float, closure: float) -> bool:
-    """Whether the state came back, but what drives it did not: a load that does not repeat."""
+def load_is_aperiodic(outcome: int, change: float, closure: float) -> bool:
+    """Return whether the state returned, but the forces on it did not: a load that is not
+    periodic."""
     return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 
 @compiled()
-def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
+def discard_marks(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Discard all marks of a lane, which continues from its present state; a driven one from its
     last mark."""
     for j in range(m.kind.shape[1]):
@@ -512,7 +513,7 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
 
 
 @compiled()
-def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
+def resettle(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
     """Let a motion that came from afar settle again by the size of its cycle; False if that is
     known already.
 
@@ -558,12 +559,12 @@ def measure_all(
 def advance_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> None:
-    """Settle and measure one lane, as far as it comes; its phase is left in the marks.
+    """Settle and measure one lane until done or stopped; its phase is stored in the marks.
 
     Parameters
     ----------
     found : Found
-        Receives what is measured.
+        Receives the measured values.
     """
     if m.numbers[i, PHASE] == SETTLING:
         settle_lane(e, m, rules, saved, bench, i)
@@ -594,9 +595,9 @@ def measure_lane(
             claim_rest(e, m, saved.mode[i], i)
             m.real[i, DURATION] = rules.real[2]
             numbers[PHASE] = PROVING
-        elif awry and look_closer(m, rules, e.lanes, saved, bench, i):
+        elif awry and resettle(m, rules, e.lanes, saved, bench, i):
             numbers[PHASE] = SETTLING
-        elif deceives(m.outcome[i], m.felt[i], closure):
-            forget(m, rules, e.lanes, saved, i)
+        elif load_is_aperiodic(m.outcome[i], m.felt[i], closure):
+            discard_marks(m, rules, e.lanes, saved, i)
             numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < m.real[i, LATEST] else DONE
             m.outcome[i] = NOT_SETTLED

@@ -1,16 +1,16 @@
 """Returns of a motion to its marks: their distance, their lag, and their extrapolation, in compiled
 code.
 
-A return is looked at over one *lag*, a number of marks: the one after which the most marks in a row
-have the same kinds, as long as such returns shrink; where they do not, the one that is nearly as
-close as any. What the lag is does not matter to the period, which is decided by the divisors of the
-lag once the cycle is known to rounding (:func:`shortest_lag`).
+Returns are compared over one *lag*, a number of marks: the one after which the most consecutive
+marks have the same kinds, while such returns shrink; otherwise the smallest one whose return is
+nearly the closest. The period does not depend on the lag: it is determined from the divisors of the
+lag once the cycle is accurate to rounding (:func:`shortest_lag`).
 
-Returns that are true (nothing was changed by hand between their marks) shrink by the multipliers of
-the cycle. If few of these count, each return is a linear combination of those before it, and the
-same combination of the states is the cycle (Anderson 1965; Sidi, *Vector Extrapolation Methods*,
-2017). The weights add up to 1, so that whatever is linear and stays as it is (a contact that
-sticks) is left as it is.
+True returns (without extrapolation between their marks) shrink by the multipliers of the cycle. If
+few multipliers matter, each return is a linear combination of the previous ones, and the same
+combination of the states is the cycle (Anderson 1965; Sidi, *Vector Extrapolation Methods*, 2017).
+The weights add up to 1, so that linear invariants (such as the position of a sticking contact) are
+preserved.
 """
 
 from __future__ import annotations
@@ -108,8 +108,8 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
 
 @compiled()
 def miss(v: Array, size: Array, atol: float) -> float:
-    """Largest component of a difference, relative to its size; what is below `atol` does not
-    count."""
+    """Largest component of a difference, relative to its size; components below `atol` are
+    ignored."""
     worst = 0.0
     for r in range(len(v)):
         excess = abs(v[r]) - atol
@@ -196,7 +196,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
 
 @compiled()
 def same_kind(m: Marks, i: int, back: int) -> bool:
-    """Whether the last mark is of the kind of the one so many marks before it."""
+    """Return whether the last mark has the same kind as the mark a lag before it."""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
@@ -204,9 +204,9 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
 
 @compiled()
 def likeliest_lag(m: Marks, i: int, longest: int) -> int:
-    """The lag after which most of the last marks in a row have come back to their kinds, the least
-    of these; 0 if the last one has not. (The least lag of all is none where a kind stands twice in
-    a cycle.)"""
+    """The smallest lag for which the largest number of consecutive last marks has repeated its
+    kinds; 0 if the last mark has not. (The smallest lag of the last mark alone fails if a kind
+    occurs twice in a cycle.)"""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     kind = m.kind[i]
@@ -224,7 +224,7 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
 @compiled()
 def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     """Distance of the last mark from the mark a lag before it; the lag is updated if necessary.
-    Infinite if there is none."""
+    Infinite if there is no such mark."""
     numbers = m.numbers[i]
     real = m.real[i]
     ring = m.time.shape[1]
@@ -264,7 +264,7 @@ def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
 
 @compiled()
 def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
-    """Whether what is still missing to the cycle, d + dq + dq² + …, seems to be below the
+    """Return whether the estimated remaining distance to the cycle, d + dq + dq² + …, is below the
     tolerance."""
     numbers = m.numbers[i]
     ring = m.time.shape[1]
@@ -286,20 +286,20 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
 def extrapolate(
     m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
 ) -> tuple[float, float]:
-    """Extrapolated limit of the last k + 1 returns, if the last one is a combination of those
-    before it.
+    """Extrapolated limit of the last k + 1 returns, if the last one is a combination of the
+    previous ones.
 
     Parameters
     ----------
     i, k : int
-        The lane, and how many returns before the last, at most 3.
+        The lane, and the number of returns before the last, at most 3.
     work, fit : arrays, shapes (9, n), (4, 4)
         Work space.
 
     Returns
     -------
     misfit, length
-        Part of the last return that is no such combination, and length of the step, which is left
+        Residual of the last return as such a combination, and length of the step, which is stored
         in ``work[8]``.
     """
     lag = m.numbers[i, LAG]
@@ -344,7 +344,8 @@ def extrapolate(
 
 @compiled()
 def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
-    """How many marks in a row, at most so many, have the word of that a lag before them."""
+    """Number of consecutive marks, up to a maximum, with the same mode sequence as the mark a lag
+    before."""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     most = min(most, ring - 1 - lag, here - lag)
@@ -355,13 +356,12 @@ def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
 
 
 @compiled()
-def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
-    """The order of a linear recurrence of the returns that foretells the last one, and dies out.
+def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
+    """The order of a convergent linear recurrence of the returns that predicts the last one.
 
     Returns near a cycle are sums of powers of its multipliers. So rⱼ = Σ cₖ rⱼ₊ₖ, counted back from
-    the last return r₀, is fitted to all but the last, by least squares relative to their sizes;
-    that r₀ is what it says is the evidence, and that its roots are within the unit circle that the
-    motion comes to an end.
+    the last return r₀, is fitted to all but the last, by least squares relative to their sizes. The
+    prediction of r₀ verifies the recurrence; roots within the unit circle imply convergence.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
     Returns
     -------
     int
-        The order; 0 if there is none, or if waiting takes but a few returns.
+        The order; 0 if there is none, or if the motion settles within a few returns.
     """
     lag = m.numbers[i, LAG]
     here = m.numbers[i, COUNT] - 1
@@ -409,7 +409,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
             for a in range(k):
                 guess += fit[a, 3] * work[a + 1, r]
             wrong = max(wrong, abs(guess - work[0, r]))
-        if wrong <= _FORETOLD * last and dies_away(fit, k):
+        if wrong <= _FORETOLD * last and converges_to_zero(fit, k):
             return k
     return 0
 
@@ -463,13 +463,13 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
 
 
 @compiled()
-def dies_away(fit: Array, k: int) -> bool:
-    """Whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
+def converges_to_zero(fit: Array, k: int) -> bool:
+    """Return whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
 
     Parameters
     ----------
     fit : array, shape (4, 4)
-        The coefficients in its last column; the last row is work space.
+        Coefficients in the last column; the last row is work space.
     k : int
         At most 3.
     """
@@ -509,9 +509,9 @@ def remove_part(v: Array, unit: Array) -> float:
 
 
 @compiled()
-def told_apart(m: Marks, i: int) -> float:
-    """Miss above which a return is none: what a polished cycle misses by says how well it is
-    known."""
+def distinct_above(m: Marks, i: int) -> float:
+    """Distance above which states differ, from the closure error of the polished cycle, which
+    measures its accuracy."""
     floor = m.real[i, FLOOR]
     return max(_CLOSED, _TOLD_APART * floor, _DOUBLED * m.real[i, STRETCH] * max(floor, _EXACT))
 
@@ -520,7 +520,7 @@ def told_apart(m: Marks, i: int) -> float:
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
     """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
     lag = m.numbers[i, LAG]
-    limit = told_apart(m, i)
+    limit = distinct_above(m, i)
     p = 2
     m.real[i, OPEN] = np.inf
     while p <= lag:

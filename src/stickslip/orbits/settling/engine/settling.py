@@ -1,24 +1,24 @@
-"""Motions followed until they repeat themselves, in compiled code.
+"""Simulation of motions until they repeat, in compiled code.
 
-A motion is looked at at its *marks*. If it is driven, these are the times t₀ + mP, P the period of
-the first drive; if not, its events, where the guard that fires is a natural section (events that
-coincide up to rounding are one), and, once the modes between them have been seen to repeat, only
-those after which they begin again; and if it has no events for a while, it is asked whether its
-rates have died out, and whether it comes back through the plane across itself.
-:mod:`stickslip.orbits.settling.engine.marks` puts them, and
+A motion is compared at its *marks*. If it is driven, these are the times t₀ + mP, P the period of
+the first drive; if not, its events, since the guard that fires is a natural section (events that
+coincide up to rounding are one). Once the modes between events are observed to repeat, only events
+at the start of the repeated sequence are marks. If there are no events for some time, the tests are
+whether the rates have vanished, and whether the motion returns through the plane normal to it.
+:mod:`stickslip.orbits.settling.engine.marks` adds the marks, and
 :mod:`stickslip.orbits.settling.engine.crossing` those in the plane;
-:mod:`stickslip.orbits.settling.engine.returns` says how closely the motion comes back, and
-:mod:`stickslip.orbits.settling.engine.leaping` what is done then.
+:mod:`stickslip.orbits.settling.engine.returns` measures the distance of returns, and
+:mod:`stickslip.orbits.settling.engine.leaping` decides how to proceed.
 
-* A motion whose returns go on as they have, which the last one has to confirm, is carried on by
-  hand to where they lead, down to rounding (a step that does not bring it nearer is undone). If
-  that is no farther away than the tolerance, it has settled; otherwise it is proved on the host
-  that the motion comes there by itself (:mod:`stickslip.orbits.settling.attraction`). If it does
-  not, it is taken back, and waits.
-* Rest, steady sliding, and oscillations without any further event are proved on the host
-  (:mod:`stickslip.orbits.settling.proofs`), which the motion waits for.
-* Where time stands in one sine or cosine only, the clock is set back to t₀ at every mark, so that
-  the millionth period is as exact as the first one.
+* If the returns of a motion are predictable, as confirmed by the last one, their limit is
+  extrapolated, down to rounding (a step that does not reduce the distance is undone). If the limit
+  is within the tolerance, the motion has settled; otherwise the host must prove that the motion
+  converges to it (:mod:`stickslip.orbits.settling.attraction`). If the proof fails, the motion is
+  reset, and continues.
+* Rest, steady sliding, and oscillations without further events are proved on the host
+  (:mod:`stickslip.orbits.settling.proofs`); the motion waits for the result.
+* If time occurs in one sine or cosine only, the clock is reset to t₀ at every mark, so that the
+  millionth period is as accurate as the first one.
 """
 
 from __future__ import annotations
@@ -42,7 +42,13 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.orbits.settling.engine.crossing import cross_plane, put_plane
 from stickslip.orbits.settling.engine.frames import find_frame
 from stickslip.orbits.settling.engine.lanes import copy_lane, follow_lane, own_flow
-from stickslip.orbits.settling.engine.leaping import GO_ON, SETTLED, consider, is_lost, take_back
+from stickslip.orbits.settling.engine.leaping import (
+    GO_ON,
+    SETTLED,
+    consider,
+    fails_to_return,
+    reset_motion,
+)
 from stickslip.orbits.settling.engine.marks import (
     elapsed,
     long_look,
@@ -92,15 +98,15 @@ def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Benc
 
 @compiled()
 def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
-    """Follow a lane until its phase changes, or a stop is requested.
+    """Simulate a lane until its phase changes, or a stop is requested.
 
-    What is to be measured then starts at the saved state, and lasts as long as the marks say.
+    The measured interval then starts at the saved state, and its duration is in the marks.
     """
     s = e.lanes
     numbers = m.numbers[i]
     drive = m.drive[i]
     if numbers[LEAPT] < 0:
-        take_back(m, s, saved, i)
+        reset_motion(m, s, saved, i)
     known = 0
     for _ in range(rules.most[2]):
         if is_stopped(e.flow.space):
@@ -122,7 +128,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
         if not (happened or code in (FINISHED, FULL)):
             if numbers[LEAPT] != 0:
                 # What was carried on by hand may have been taken to where no motion starts.
-                take_back(m, s, saved, i)
+                reset_motion(m, s, saved, i)
                 continue
             m.outcome[i], numbers[PHASE] = code, DONE
             return
@@ -137,11 +143,11 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
                 return
             # An oscillation that has died out returns, too.
             copy_lane(saved, i, s, i)
-            if not dies_out(
+            if not rates_vanish(
                 e, m, rules, i, _FADED * rules.real[3], m.real[i, DURATION], bench.work[0]
             ):
                 return
-            take_back(m, s, saved, i)
+            reset_motion(m, s, saved, i)
             numbers[PHASE] = SETTLING
         late = elapsed(m, rules, s, i) >= m.real[i, LATEST] or numbers[COUNT] >= rules.most[
             0
@@ -170,15 +176,15 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     drive = m.drive[i]
     if drive > 0.0 and t > m.time[i, (numbers[COUNT] - 1) % m.time.shape[1]]:
         return GO_ON  # between two marks
-    if numbers[LEAPT] != 0 and drive <= 0.0 and is_lost(m, rules, i, t):
-        return take_back(m, s, saved, i)
+    if numbers[LEAPT] != 0 and drive <= 0.0 and fails_to_return(m, rules, i, t):
+        return reset_motion(m, s, saved, i)
     calm = s.counters[i, HAPPENED] == numbers[EVENTS] and numbers[LEAPT] == 0
     numbers[EVENTS] = s.counters[i, HAPPENED]
     # A contact without friction reverses again and again while everything dies out.
     faded = (
         drive <= 0.0
         and numbers[LEAPT] == 0
-        and dies_out(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
+        and rates_vanish(e, m, rules, i, rules.real[3], rules.real[2], bench.work[0])
     )
     if calm and drive <= 0.0 and numbers[EVENTLESS] == 0:
         put_plane(m, i, t, s.y[i], bench.work[0])
@@ -204,18 +210,18 @@ def claim_rest(e: Engine, m: Marks, mode: Array, i: int) -> None:
 
 
 @compiled()
-def dies_out(
+def rates_vanish(
     e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
 ) -> bool:
-    """Whether the rates of a lane, without frame and translation, are so small that nothing more
-    will change.
+    """Return whether the rates of a lane, without frame and translation, are too small for a
+    further change.
 
     Parameters
     ----------
     tolerance : float
         Largest change of a component, relative to its size.
     look : float
-        Time in which the rates make that change.
+        Time over which the rates would cause that change.
     work : array, shape (n,)
         Receives the changes.
     """

@@ -90,8 +90,8 @@ class Rules(NamedTuple):
     Attributes
     ----------
     real : array
-        Start, latest end and time between looks, counted from the origin of the problem; tolerance
-        of waiting, atol, and what may be missing to a cycle.
+        Start, latest end and time between tests, counted from the origin of the problem; tolerance
+        of settling, atol, and the largest accepted distance from a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
     shifts : array, shape (translations, n)
@@ -101,13 +101,13 @@ class Rules(NamedTuple):
     closely : bool
         Whether extremes, work and forces of contacts are measured.
     timed : bool
-        Whether time enters in a way that might not repeat, which the host has to look into.
+        Whether time occurs in a way that may not be periodic, which the host has to check.
     leaping : bool
-        Whether motions are carried on by what their returns foretell.
+        Whether limits of returns are extrapolated.
     closed : bool
         Whether there are closed forms.
     framed : bool
-        Whether the frame of each lane is to be found in them.
+        Whether the frame of each lane is computed from them.
     """
 
     real: Vector
@@ -129,8 +129,8 @@ class Marks(NamedTuple):
     time, state, miss : arrays, shapes (lanes, ring), (lanes, ring, n), (lanes, ring)
         The latest marks, and how closely each comes back to the mark a lag before it.
     kind, word, events : arrays of int, shape (lanes, ring)
-        What has to be the same for marks to be compared; the modes since the mark before, as a
-        number; and how many events there have been.
+        Kind, which must agree for marks to be compared; mode sequence since the previous mark, as a
+        number; and number of events so far.
     numbers : array of int, shape (lanes, 14)
         PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that
         is looked at; marks at this lag in a row, less one (SAME); EVENTS at the last look; whether
@@ -142,28 +142,27 @@ class Marks(NamedTuple):
         cycle (SIZED); how often modes have to repeat before marks are put once in a STRIDE, which
         grows where they turn out not to (WARY).
     real : array, shape (lanes, 11)
-        START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle
-        (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least miss of
-        a return that is shorter (OPEN); LEAST miss at this lag; miss below which polishing is tried
-        again (PATIENT); time before which no proof is tried again (ASK); length of the first leap
-        (REACH); time at which the motion is given up (LATEST).
+        START and DURATION of the measured interval; last MISS before a leap; miss of the polished
+        cycle (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least
+        miss of a return that is shorter (OPEN); LEAST miss at this lag; miss below which polishing
+        is tried again (PATIENT); time before which no proof is tried again (ASK); length of the
+        first leap (REACH); time at which the motion is given up (LATEST).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
         Largest modulus of each component; once it has been measured, its size on the cycle.
     felt : array, shape (lanes,)
-        Change of the forces in what was measured.
+        Change of the forces over the measured interval.
     drive : array, shape (lanes,)
         Period of the drive; 0 if there is none.
     frame : array, shape (lanes, n)
-        Velocity of the frame in which the system does not depend on time, but for its drives.
+        Velocity of the frame in which the system does not depend on time, except for its drives.
     cells : array, shape (lanes, cells, 2, n)
-        Shifts of the state, each with its multiples, that change nothing, and (second) the linear
-        forms that count them.
+        Shifts of the state, with their multiples, that leave the system unchanged, and (second) the
+        linear forms that count them.
     outcome : array of int, shape (lanes,)
     home, before : Lane
-        Where the motion itself was before it was carried on by hand, and where it was before the
-        last such step.
+        State of the motion before the extrapolation, and before the last step of it.
     """
 
     time: Matrix
@@ -192,14 +191,14 @@ class Found(NamedTuple):
     ----------
     audit : array, shape (lanes, 5)
         Residual of the energy balance (ENERGY), violation of the friction LAW, defect of the
-        equations of MOTION, by how much a cycle fails to close (CLOSURE), and the square of the
-        tolerance over what the next shorter return misses by (PERIOD): the period is minimal if no
+        equations of MOTION, closure error of a cycle (CLOSURE), and the square of the tolerance
+        divided by the distance of the closest shorter return (PERIOD): the period is minimal if no
         shorter return closes within the tolerance.
     moves : array, shape (lanes,)
-        Largest range of a component in what was measured, relative to its modulus, without frame
-        and translation.
+        Largest range of a component over the measured interval, relative to its modulus, without
+        frame and translation.
     shift : array, shape (lanes, n)
-        Of the state, in the time that is measured.
+        Shift of the state over the measured interval.
     exponent : array, shape (lanes,)
         Largest Lyapunov exponent.
     """
@@ -220,13 +219,13 @@ class Bench(NamedTuple):
     fit : array, shape (4, 4)
         Triangular system of the returns, its right-hand side, and a row to work on.
     record : Record
-        Knots; what does not fit is measured piece by piece.
+        Knots; a longer interval is measured piece by piece.
     tally : Tally
         As in :func:`stickslip.motion.audit.step_balance.audit_steps`.
     gaps : array, shape (n,)
-        By how much a cycle fails to close.
+        Closure error of a cycle.
     ends : array, shape (3, n)
-        Least and largest value of each component where it was looked at, without frame and
+        Smallest and largest value of each component at the observed times, without frame and
         translation; and its size.
     balance : array, shape (6,)
         Energy AT_FIRST; dissipated (LOST) and supplied (GAINED) so far; LOWEST and HIGHEST energy;

@@ -14,7 +14,7 @@ from stickslip.orbits.settling.engine.tables import Bench, Engine, Found, Marks,
 from stickslip.translator import compiled, row_of
 
 
-class Desk(NamedTuple):
+class ThreadSpace(NamedTuple):
     """Work space of a thread."""
 
     space: Space
@@ -27,13 +27,13 @@ class Shared(NamedTuple):
 
     Attributes
     ----------
-    desks : Desk
+    threads : ThreadSpace
         Of all threads (a leading axis).
     marks, rules, saved, found : tuples
         As in :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
     """
 
-    desks: Many[Desk]
+    threads: Many[ThreadSpace]
     marks: Marks
     rules: Rules
     saved: Many[Lane]
@@ -41,24 +41,24 @@ class Shared(NamedTuple):
 
 
 @compiled()
-def at_desk(e: Engine, desk: Desk) -> Engine:
+def in_thread_space(e: Engine, thread: ThreadSpace) -> Engine:
     """An engine that works in the space of a thread."""
     f = e.flow
-    flow = Flow(f.rows, f.k, desk.space, f.order, f.tol, f.atol, f.supports)
-    return Engine(e.machine, flow, desk.flight, e.forms, e.group, e.codes, e.lanes)
+    flow = Flow(f.rows, f.k, thread.space, f.order, f.tol, f.atol, f.supports)
+    return Engine(e.machine, flow, thread.flight, e.forms, e.group, e.codes, e.lanes)
 
 
 @entry_point()
 def advance_thread(e: Engine, w: Shared, a: int) -> None:
-    """Settle and measure lane a, thread a at its own desk instead of in the work space of e."""
-    desk = row_of(w.desks, a)
-    mine = at_desk(e, desk)
-    advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, a)
+    """Settle and measure lane a; thread a has separate work space instead of that of e."""
+    thread = row_of(w.threads, a)
+    mine = in_thread_space(e, thread)
+    advance_lane(mine, w.marks, w.rules, w.saved, thread.bench, w.found, a)
 
 
 @entry_point()
 def grow_thread(e: Engine, twin: Engine, w: Shared, a: int) -> None:
     """The exponent of a lane and its twin: likewise."""
-    desk = row_of(w.desks, a)
-    mine, other = at_desk(e, desk), at_desk(twin, desk)
-    grow_lane(mine, other, w.marks, w.rules, w.saved, desk.bench, w.found, a)
+    thread = row_of(w.threads, a)
+    mine, other = in_thread_space(e, thread), in_thread_space(twin, thread)
+    grow_lane(mine, other, w.marks, w.rules, w.saved, thread.bench, w.found, a)

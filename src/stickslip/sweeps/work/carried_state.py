@@ -24,7 +24,7 @@ _ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is
 
 
 @dataclass(frozen=True)
-class Handed:
+class CarriedState:
     """State reached by a motion.
 
     Attributes
@@ -39,19 +39,20 @@ class Handed:
     state: Array
 
 
-def handed_on(
+def carried_state(
     system: System,
     parameters: Mapping[str, float],
     time: float,
     state: Array,
     rate: Array | None = None,
-) -> Handed:
-    """Where a motion has come to, as early as the system is the same.
+) -> CarriedState:
+    """Final time and state of a motion, shifted back to the earliest time at which the system is
+    equivalent.
 
-    A load Vt would jump by ΔV·t when V changes, and what drifts would be ever farther away. So the
-    state is taken back, with the frame in which the system goes on repeating itself, to where time
-    begins: by whole periods of the drives if there are any. If time enters in another way, it goes
-    on.
+    A load Vt would jump by ΔV·t when V changes, and drifting coordinates would grow without bound.
+    Therefore the state is shifted back, in the frame in which the system is periodic, to the start
+    of time: by whole periods of the drives if there are any. If time occurs in another way, it
+    continues.
 
     Parameters
     ----------
@@ -65,15 +66,15 @@ def handed_on(
     for moving in chain(measured, [np.zeros(len(state))], _pulled(system, parameters)):
         if _repeats(system, parameters, moving, begin, period):
             back = period * math.floor((time - begin) / period) if period else time - begin
-            return Handed(parameters, time - back, state - back * moving)
-    return Handed(parameters, time, state.copy())
+            return CarriedState(parameters, time - back, state - back * moving)
+    return CarriedState(parameters, time, state.copy())
 
 
 def _repeats(
     system: System, parameters: Mapping[str, float], moving: Array, begin: float, period: float
 ) -> bool:
-    """Whether a system is the same a period later, or at any time if there is none, in a moving
-    frame, from a time on.
+    """Return whether a system is invariant under a period, or under any time shift if there is
+    none, in a moving frame, after a given time.
 
     Parameters
     ----------
@@ -89,9 +90,9 @@ def _repeats(
 
 
 def _pulled(system: System, parameters: Mapping[str, float]) -> Iterator[Array]:
-    """Frames that a load Vt may pull a system with, for motions that do not repeat: where t and
-    places stand in one sum, these places, or all of them, move so that the sum stays. A guess, and
-    judged as such."""
+    """Candidates for the frame in which a load Vt pulls a system, for motions that do not repeat:
+    for each sum of t and coordinates, these coordinates, or all of them, move so that the sum is
+    constant. Candidates must be tested."""
     declaration = system.declaration
     places = set(declaration.coordinates)
     numbers = {name: ex.num(value) for name, value in parameters.items()}
@@ -114,28 +115,29 @@ def _pulled(system: System, parameters: Mapping[str, float]) -> Iterator[Array]:
 
 
 def _slope(term: Expr, name: str) -> float:
-    """The slope of what is linear in a name; 0 of anything else."""
+    """The coefficient of a name in an expression that is linear in it; otherwise 0."""
     slope = ex.derivative(term, name)
     return ex.number(slope) if slope.op == "num" else 0.0
 
 
 def _moving(rate: Array, elapsed: float, state: Array) -> Array:
-    """A mean velocity without what is rounding: what really moves has got somewhere by then."""
+    """A mean velocity without rounding errors: a component that moves has a significant
+    displacement by then."""
     return np.where(np.abs(rate) * elapsed > _ROUNDED * np.abs(state), rate, 0.0)
 
 
-def taken_up(
-    system: System, handed: Handed, parameters: Mapping[str, float]
+def resumed_state(
+    system: System, handed: CarriedState, parameters: Mapping[str, float]
 ) -> tuple[float, Array]:
-    """Time and state at which a motion begins that continues another one with other parameters.
+    """Time and state at the start of a motion that continues another one with other parameters.
 
-    The drives are at the same phase, and what friction cannot hold any more has moved to where it
-    can.
+    The drives are at the same phase, and coordinates outside the stable set have moved to the
+    nearest stable positions.
 
     Parameters
     ----------
     parameters : mapping of str to float
-        Of the motion that begins.
+        Of the new motion.
 
     Returns
     -------

@@ -25,7 +25,7 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import PageSetting, read_request, read_state
 from stickslip.explorer.explore import listening_explorer
-from stickslip.explorer.serving.doors import OVERRIDDEN, Guarded, Leaving, Prompt
+from stickslip.explorer.serving.access import OVERRIDDEN, Guarded, Leaving, QuestionHandler
 from stickslip.explorer.serving.server import Explorer
 
 
@@ -40,7 +40,9 @@ def test_the_page_is_there_for_who_knows_its_address(explorer: Explorer) -> None
 
 def test_a_bokeh_that_would_not_be_guarded_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A method of another name would be called in place of ours."""
-    own = {name for name, value in vars(Prompt).items() if name[:1] == "_" and callable(value)}
+    own = {
+        name for name, value in vars(QuestionHandler).items() if name[:1] == "_" and callable(value)
+    }
     assert own - {*vars(object)} == {*OVERRIDDEN[WSHandler]}
     assert {*OVERRIDDEN[next(cls for cls in OVERRIDDEN if cls is not WSHandler)]} - {
         *vars(Guarded)

@@ -1,9 +1,9 @@
 """Access control: requests need the token and an accepted host name, and must not come from other
 pages.
 
-A page of somebody else could send requests to this machine from a browser here: by another origin,
-or by a name of its own that it lets point to 127.0.0.1 (DNS rebinding), where its origin and the
-host are the same. So both are compared with one list, and every address holds a random token.
+A foreign page in a local browser could send requests to this machine: from another origin, or by a
+host name that resolves to 127.0.0.1 (DNS rebinding), in which case origin and host agree. So both
+are compared with one list, and every URL contains a random token.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ OVERRIDDEN = {
 
 
 def check_bokeh() -> None:
-    """Reject a version of Bokeh that lacks a method which is overridden here: it would call one of
-    another name in its place, and nothing would guard it.
+    """Reject a version of Bokeh that lacks a method overridden here: it would call a method of
+    another name, which is not guarded.
 
     Raises
     ------
@@ -68,13 +68,13 @@ def check_bokeh() -> None:
                 )
 
 
-class Doors:
+class AccessRules:
     """The rules.
 
     Parameters
     ----------
     names : iterable of str
-        Host names under which the page may be asked for, beside those of this machine alone.
+        Additional accepted host names.
     """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
@@ -87,7 +87,7 @@ class Doors:
         Parameters
         ----------
         room : bool
-            Whether one more page may be opened.
+            Whether another page may be opened.
         """
         if host_of(f"//{request.host}") not in self.names:
             return 403, (
@@ -113,7 +113,7 @@ class Doors:
 
 
 def host_of(address: str) -> str:
-    """The name in an address, without the port; empty if there is none."""
+    """The host name in a URL, without the port; empty if there is none."""
     try:
         parts = urlsplit(address)
         name = parts.hostname or ""
@@ -124,15 +124,15 @@ def host_of(address: str) -> str:
 
 
 class Refused(RequestHandler):
-    """Says what was wrong."""
+    """Handler that reports a refused request."""
 
     def initialize(self, status: int, reason: str) -> None:
-        """Take what is to be said."""
+        """Store the message."""
         self.status = status
         self.reason = reason
 
     def prepare(self) -> None:
-        """Say it, whatever was asked for."""
+        """Send the message for any request."""
         self.set_status(self.status)
         title = "Not found" if self.status == 404 else "Request refused"
         self.finish(_PAGE.format(title=title, reason=self.reason))
@@ -142,14 +142,14 @@ class Refused(RequestHandler):
         self.finish(_PAGE.format(title="Request refused", reason=str(status_code)))
 
 
-class Prompt(WSHandler):
-    """A connection over which a page asks, and nothing else.
+class QuestionHandler(WSHandler):
+    """A connection that accepts only questions of a page.
 
-    Bokeh's protocol lets a page change the document that the server has of it: make objects there,
-    some of which read files, or let it grow. Here only the text of a question passes.
+    Bokeh's protocol allows a page to change its document on the server: it could create objects,
+    some of which read files, or exhaust the memory. Here only the text of a question is accepted.
 
-    Messages go out at once. Otherwise the second of the small pieces that a message has waits until
-    the first is acknowledged, for which the other end takes its time: 40 ms for every answer.
+    Messages are sent without delay (TCP_NODELAY). Otherwise the second fragment of a message waits
+    for the delayed acknowledgement of the first: 40 ms for every answer.
     """
 
     _received = 0  # characters and bytes since the last complete message
@@ -179,7 +179,7 @@ class Prompt(WSHandler):
         return message
 
     async def _handle(self, message: Message[Any]) -> Message[Any] | None:
-        """What is said to a message."""
+        """Reply to a message."""
         connection = self.connection
         assert connection is not None
         if message.msgtype == "PATCH-DOC":
@@ -195,7 +195,7 @@ class Prompt(WSHandler):
         return reply
 
     def _internal_error(self, message: str) -> None:
-        """End the connection; why it failed is nothing for the page."""
+        """End the connection without sending the reason to the page."""
         self.close(4001, "This message cannot be processed.")
 
     def _protocol_error(self, message: str) -> None:
@@ -252,11 +252,11 @@ def _leave(context: Any) -> None:
 
 
 class Guarded(BokehTornado):
-    """Bokeh's application behind the doors."""
+    """Bokeh's application with access control."""
 
-    def __init__(self, *args: Any, doors: Doors, most_pages: int, **kwargs: Any) -> None:
-        super().__init__(*args, prefix=doors.token, **kwargs)
-        self.doors = doors
+    def __init__(self, *args: Any, access: AccessRules, most_pages: int, **kwargs: Any) -> None:
+        super().__init__(*args, prefix=access.token, **kwargs)
+        self.access = access
         self.most_pages = most_pages
         # Requests of pages that are being made: their sessions do not exist yet.
         self._opening = WeakSet[HTTPServerRequest]()
@@ -267,16 +267,16 @@ class Guarded(BokehTornado):
 
     @property
     def has_room(self) -> bool:
-        """Whether one more page may be opened."""
+        """Whether another page may be opened."""
         return len(self._sessions()) + len(self._opening) < self.most_pages
 
     def _sessions(self) -> set[str]:
         return {x.id for path in self.app_paths for x in self.get_sessions(path)}
 
     def entry(self, session: str, connection: WSHandler) -> str:
-        """Why a page may not connect, in words; empty if it may. A token serves once: who comes
-        back to a session that has ended loads the page again, and so does who comes beside one that
-        is connected. A page whose connection was lost may have another.
+        """Reason why a page may not connect; empty if it may. A token is valid once: a request for
+        a session that has ended, or that is still connected, must reload the page. A page that has
+        lost its connection may reconnect.
 
         Parameters
         ----------
@@ -300,7 +300,7 @@ class Guarded(BokehTornado):
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
         """The handler of a request; all requests pass here."""
-        refused = self.doors.refusal(request, self.has_room)
+        refused = self.access.refusal(request, self.has_room)
         if refused is not None:
             status, reason = refused
             return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})
@@ -312,9 +312,9 @@ class Guarded(BokehTornado):
         self, request: HTTPServerRequest, target_class: type[RequestHandler], *args: Any, **kw: Any
     ) -> Any:
         """The delegate through which a handler answers a request."""
-        chosen = Prompt if target_class is WSHandler else target_class
+        chosen = QuestionHandler if target_class is WSHandler else target_class
         return super().get_handler_delegate(request, chosen, *args, **kw)
 
     def log_request(self, handler: RequestHandler) -> None:
-        """Called when a request is answered. Nothing is logged: requests are nobody's business."""
+        """Called when a request is answered. Requests are not logged, for privacy."""
         self._opening.discard(handler.request)
