@@ -7,14 +7,16 @@ and a block on a belt with Stribeck's curve. Beside ``ss.fit`` stand
 * lmfit on SciPy's ``solve_ivp``, once from event to event, with modes that are told, and once with
   a regularised sign;
 * SciPy's ``least_squares`` on diffrax with a regularised sign, whose derivatives are diffrax's own,
-  forward; compiled before time is taken.
+  forward; compiled before time is taken;
+* ``mujoco.sysid`` (Gauss-Newton, finite differences) on MuJoCo's motions of the oscillator, if it
+  is installed. MuJoCo has no Stribeck curve.
 
-All begin at the same point, within the same bounds. Times are medians of rounds in which the tools
-take turns. Errors are those of the estimates in standard errors: against the truth, which is mostly
-noise and the same for all, and against the least sum of squares of the exact motion, which is the
-fault of the tool alone. Derivatives of the motion at the truth, as each tool reckons them, are
-compared with complex steps of closed forms (``tests/oracles/complex_step.py``) at 200 times. The
-table goes to ``benchmarks/results/fits.md``.
+All begin at the same point, within the same bounds. Times are those of the processor, medians of
+rounds in which the tools take turns. Errors are those of the estimates in standard errors: against
+the truth, which is mostly noise and the same for all, and against the least sum of squares of the
+exact motion, which is the fault of the tool alone. Derivatives of the motion at the truth, as each
+tool reckons them, are compared with complex steps of closed forms
+(``tests/oracles/complex_step.py``) at 200 times. The table goes to ``benchmarks/results/fits.md``.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -36,6 +39,7 @@ from scipy.optimize import least_squares as untyped
 
 import stickslip as ss
 from fits_diffrax import Smooth, regularised_motion
+from fits_mujoco import SETTINGS, Identification, absent
 from motion import machine
 from stickslip.arrays import Array
 
@@ -47,6 +51,7 @@ RESULTS = Path(__file__).parent / "results" / "fits.md"
 trust_region: Any = untyped  # its types say nothing of a function as Jacobian
 SAMPLES = 10_000
 ROUNDS = 5
+RIVALS = ("scipy", "lmfit", "diffrax", "mujoco")
 # Of the regularised sign: ten times as wide costs the same, and the estimates are off ten times as
 # far. The tolerance of LSODA is the loosest with which lmfit does not stop early, because its
 # differences are of noise; diffrax with 1e-6 takes twice as long, and is off 0.02 where it is off
@@ -65,6 +70,11 @@ NOTES = [
     "The other tools run one search from the given start, and return estimates and standard "
     "errors. For lmfit on `solve_ivp` with events, the boundary that ends each mode and the end of "
     "stick are given.",
+    "",
+    "In MuJoCo m is the mass of a body, k the stiffness of its slide joint, and F_c the "
+    "`frictionloss` of the joint, which MuJoCo regularises; NoSlip then removes the creep. This "
+    "friction has one value for stick and slip and does not depend on the speed, so the belt with "
+    "Stribeck's curve is not among its models. The fits of `mujoco.sysid` run on one thread.",
 ]
 STEP = 1e-4  # relative, of finite differences: MINPACK's own is lost in the error of the motion
 
@@ -99,6 +109,8 @@ class Case:
         The regularised field.
     forms : ClosedForms
         For complex steps.
+    force : callable, optional
+        The force at times, if MuJoCo can represent the friction.
     """
 
     system: ss.System
@@ -111,6 +123,7 @@ class Case:
     legs: Callable[[dict[str, float]], dict[str, Leg]]
     smooth: Smooth
     forms: complex_step.ClosedForms
+    force: Callable[[Array], Array] | None = None
 
     @property
     def names(self) -> list[str]:
@@ -139,6 +152,18 @@ class Case:
             noise={"x": self.noise},
             parameters=self.start,
         )
+
+    @cached_property
+    def identifications(self) -> dict[str, Identification]:
+        """The fits of ``mujoco.sysid``."""
+        if self.force is None or absent():
+            return {}
+        return {
+            name: Identification(
+                setting, self.times, self.data, self.start, self.bounds, self.force
+            )
+            for name, setting in SETTINGS.items()
+        }
 
 
 # -- the two systems -------------------------------------------------------------------------------
@@ -209,6 +234,7 @@ def cases() -> dict[str, Case]:
             oscillator_legs,
             Smooth("oscillator", WIDTH),
             complex_step.forced_coulomb_oscillator(),
+            lambda t: oscillator.values["P"] * np.cos(oscillator.values["omega"] * t),
         ),
         "belt, Stribeck": Case(
             belt,
@@ -351,6 +377,7 @@ def rows(name: str, case: Case) -> list[str]:
         "lmfit, `solve_ivp` with events": lambda: by_lmfit(case, by_events),
         "lmfit, `solve_ivp` regularised": lambda: by_lmfit(case, by_regularisation),
         "diffrax regularised": lambda: by_diffrax(case, smooth),
+        **{name: tool.fit for name, tool in case.identifications.items()},
     }
     truth = np.array(list(case.truth.values()))
     exact = trust_region(
@@ -361,10 +388,10 @@ def rows(name: str, case: Case) -> list[str]:
     found: dict[str, Array] = {}
     for round_ in range(ROUNDS + 1):  # the first one compiles
         for tool, call in tools.items():
-            begin = time.perf_counter()
+            begin = time.process_time()
             found[tool] = call()
             if round_:
-                seconds[tool].append(time.perf_counter() - begin)
+                seconds[tool].append(time.process_time() - begin)
     wrong = slope_errors(case, smooth)
     base = median(seconds["`ss.fit`, one start"])
     made = []
@@ -397,6 +424,7 @@ def slope_errors(case: Case, smooth: Any) -> dict[str, float]:
         "lmfit, `solve_ivp` with events": forward_differences(case, by_events)(p, times),
         "lmfit, `solve_ivp` regularised": forward_differences(case, by_regularisation)(p, times),
         "diffrax regularised": smooth.slopes(p)[chosen],
+        **{name: tool.slopes(p, chosen) for name, tool in case.identifications.items()},
     }
     return {tool: float(np.max(np.abs(J - expected) / size)) for tool, J in reckoned.items()}
 
@@ -408,14 +436,22 @@ def quicker(measured: list[str]) -> str:
     return f"Faster than `ss.fit` from one start: {'; '.join(found) or 'none'}."
 
 
+def versioned(package: str) -> str:
+    """A package with its version."""
+    try:
+        return f"{package} {version(package)}"
+    except PackageNotFoundError:
+        return f"{package} is not installed"
+
+
 def main() -> None:
     """Measure, print and write the table."""
     measured = [row for name, case in cases().items() for row in rows(name, case)]
     text = [
         "# Fits",
         "",
-        f"{machine()}; {SAMPLES:,} samples, times in turn in one run "
-        "(`python benchmarks/fits.py`).",
+        f"{machine()}, {', '.join(map(versioned, RIVALS))}; {SAMPLES:,} samples, processor times "
+        "in turn in one run (`python benchmarks/fits.py`).",
         "",
         "| record | tool | seconds | times `ss.fit` | off the truth, σ | off the minimum, σ | "
         "error of derivatives |",
@@ -426,6 +462,7 @@ def main() -> None:
         "",
         quicker(measured),
         "",
+        *([absent(), ""] if absent() else []),
     ]
     RESULTS.write_text("\n".join(text), encoding="utf-8")
 

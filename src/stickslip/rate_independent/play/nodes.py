@@ -79,9 +79,12 @@ class PlayBounds:
         DeclarationError
             If a threshold is negative somewhere.
         """
-        load, minus, plus = (signal.pieces(start, end) for signal in self.signals)
-        for c, signal, name in ((minus, self.minus, "ρ⁻"), (plus, self.plus, "ρ⁺")):
-            _refuse_negative(c, signal, name, start, end)
+        load, minus = self.load.pieces(start, end), self.minus.pieces(start, end)
+        _refuse_negative(minus, self.minus, "ρ⁻", start, end)
+        plus = minus
+        if self.plus is not self.minus:
+            plus = self.plus.pieces(start, end)
+            _refuse_negative(plus, self.plus, "ρ⁺", start, end)
         return _sum(load, -plus) / self.stiffness, _sum(load, minus) / self.stiffness
 
 

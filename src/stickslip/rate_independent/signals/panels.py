@@ -99,6 +99,8 @@ class Panels:
         ):
             return self.coefficients[:, first : first + len(start)]
         middle = 0.5 * (start + end)
+        if len(self.coefficients) == 1:  # a constant on each panel, so on each part of one
+            return self.coefficients[:, self.locate(middle, middle)[0]]
         (panel, a), (_, b) = self.locate(start, middle), self.locate(end, middle)
         # Edges of panels are rounded times.
         rounding = 8.0 * ch.EPS * np.maximum(np.abs(start), np.abs(end)) / self._width(panel)
