@@ -221,8 +221,19 @@ def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
         np.testing.assert_allclose(events["duration"], 2 * np.pi / 3, rtol=1e-12)
         exact = np.sqrt(3) if power == 1 else np.sqrt(3) - np.sqrt(3) / 4
         np.testing.assert_allclose(events["size"], factor * exact, rtol=1e-12)
-        np.testing.assert_allclose(events["largest_rate"], factor, rtol=1e-3)
+        np.testing.assert_allclose(events["largest_rate"], factor, rtol=1e-13)
         assert events["size"].attrs["units"] == unit
+    # A crest that is above its level between two samples only, and one dip below it.
+    for below in (1e-6, 1e-9, 1e-12):
+        crests = motion.event_catalogue(above={"x": 1.0 - below})
+        half = np.arccos(1.0 - below)
+        starts = np.pi / 2 - half + 2 * np.pi * np.arange(3)
+        np.testing.assert_allclose(crests["start"], starts, rtol=0, atol=1e-14 / half)
+        np.testing.assert_allclose(crests["duration"], 2 * half, rtol=1e-14 / half**2)
+        dips = motion.event_catalogue(above={"-x": below - 1.0})
+        assert len(dips) == 2  # between the crests, which interrupt it
+        np.testing.assert_allclose(dips["start"], starts[:2] + 2 * half, rtol=0, atol=1e-14 / half)
+    assert len(motion.event_catalogue(above={"x": 1.0 + 1e-12})) == 0
     events = motion.event_catalogue(above={"pull": 1.0, "d_x": 0.97})
     assert set(events["first"].values) == {"pull", "d_x"} and set(events["contacts"].values) == {1}
     assert "while pull > 1 N or d_x > 0.97 m/s" in str(events.summary())

@@ -41,6 +41,7 @@ from stickslip.motion.record.slips import (
     slips_in,
 )
 from stickslip.motion.simulate import run_loop
+from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
 from stickslip.stopping.scopes import watching
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
-_LOOKS = 33  # at rates in a step
+_LOOKS = 33  # samples of a step
 _MOST_STEPS = 10_000_000  # events of a motion that is followed again
 
 
@@ -368,8 +369,8 @@ class _Watched:
 def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     """The events of a motion in which some coordinate is faster than a rate.
 
-    The rates are looked at in 33 places of each Taylor step, and where they pass the limit between
-    two of them the time is found to rounding.
+    Rates are sampled at 33 places of each Taylor step and at their extrema between these; the times
+    at which they pass the limit are then exact up to rounding.
 
     Raises
     ------
@@ -516,15 +517,58 @@ def _listed(
 
 
 def _looks(watched: _Watched) -> tuple[Array, Array, Array]:
-    """Times since the origin, steps and quantities at the places of all steps that are looked at,
-    both ends among them."""
+    """Times since the origin, steps and quantities at the samples of all steps: equally spaced,
+    both ends among them, and at the turning points between them that matter."""
     motion = watched.motion
     clock = np.union1d(motion.knots.clock, _ends_of_series(motion))
     places = np.linspace(0.0, 1.0, _LOOKS)
     times = clock[:-1, None] + np.diff(clock)[:, None] * places
     steps = np.searchsorted(motion.knots.clock, clock[:-1], side="right") - 1
     index = np.repeat(steps, _LOOKS)
-    return times.ravel(), index, watched.values(times.ravel(), index)
+    values = watched.values(times.ravel(), index)
+    row, turns = _turning_points(watched, times, steps, values)
+    # A knot ends one step and begins the next: times alone do not order the samples.
+    rows = np.concatenate([np.repeat(np.arange(len(times)), _LOOKS), row])
+    clocks = np.concatenate([times.ravel(), turns])
+    order = np.lexsort((clocks, rows))
+    seen = np.concatenate([values, watched.values(turns, steps[row])])
+    return clocks[order], steps[rows[order]], seen[order]
+
+
+def _turning_points(
+    watched: _Watched, times: Array, steps: Array, values: Array
+) -> tuple[Array, Array]:
+    """Extrema of quantities between samples: the largest values above their levels, and those by
+    which a quantity may pass its level twice between two samples.
+
+    Parameters
+    ----------
+    times : array, shape (rows, samples)
+        Times since the origin.
+    steps : array of int, shape (rows,)
+    values : array, shape (rows * samples, names)
+
+    Returns
+    -------
+    row : array of int
+    clock : array
+    """
+    excess = values.reshape(*times.shape, -1) - watched.levels
+    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
+    # A parabola through three equally spaced samples passes the middle one by at most an eighth of
+    # the larger difference; all of it is allowed for.
+    room = np.maximum(np.abs(middle - left), np.abs(middle - right))
+    highest = (middle >= left) & (middle >= right) & (middle + room > 0.0)
+    lowest = (middle <= left) & (middle <= right) & (middle > 0.0) & (middle - room <= 0.0)
+    row, place, name = np.nonzero((highest | lowest) & (room > 0.0))
+    sign = np.where(highest[row, place, name], -1.0, 1.0)
+
+    def signed(clock: Array) -> Array:
+        found = watched.values(clock, steps[row])
+        return sign * found[np.arange(len(row)), name]
+
+    ends = times[row, place], times[row, place + 2]
+    return row, golden_section(signed, *ends)[1] if len(row) else ends[0]
 
 
 def _ends_of_series(motion: Trajectory) -> Array:

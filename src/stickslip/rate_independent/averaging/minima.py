@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.numerics.golden import GOLDEN, golden_section
 from stickslip.numerics.levels import LAST_DIGITS, ROUNDED_TERM
 from stickslip.rate_independent.sets.thresholds import nonnegative
 from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
@@ -17,8 +18,6 @@ from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 PHASE_SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
 of them."""
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-_STEPS = 64  # of the golden section: from the distance of two samples to rounding
 _MOST_SECTIONS = 40  # of a sharpened maximum
 _RESOLVED = 1e-2  # what counts as better
 _MOST_SEPARATE = 2000  # functions that can be refined one by one
@@ -102,34 +101,6 @@ def expected_low(before: Array, here: Array, after: Array) -> Array:
         return here - (before - here) - (after - here)
 
 
-def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
-    """Minima of functions between two phases each, in step.
-
-    Parameters
-    ----------
-    f : callable
-        Takes phases of shape (k,), returns the k values.
-    low, high : ndarray of shape (k,)
-
-    Returns
-    -------
-    values, phases : ndarray of shape (k,)
-    """
-    left = high - _GOLDEN * (high - low)
-    right = low + _GOLDEN * (high - low)
-    at_left, at_right = f(left), f(right)
-    for _ in range(_STEPS):
-        down = at_left <= at_right
-        low, high = np.where(down, low, left), np.where(down, right, high)
-        kept, at_kept = np.where(down, left, right), np.where(down, at_left, at_right)
-        new = np.where(down, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
-        at_new = f(new)
-        left, right = np.where(down, new, kept), np.where(down, kept, new)
-        at_left, at_right = np.where(down, at_new, at_kept), np.where(down, at_kept, at_new)
-    first = at_left <= at_right
-    return np.where(first, at_left, at_right), np.where(first, left, right)
-
-
 def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Maxima of functions near the middle of three phases each, by parabolas, and by sections where
     there is a kink.
@@ -153,7 +124,7 @@ def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tupl
             p, q = (b - a) * (fb - fc), (b - c) * (fb - fa)
             new = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
         # Every other time, or where a parabola says nothing new: the wider half.
-        wide = np.where(b - a > c - b, b - (1.0 - _GOLDEN) * (b - a), b + (1.0 - _GOLDEN) * (c - b))
+        wide = np.where(b - a > c - b, b - (1.0 - GOLDEN) * (b - a), b + (1.0 - GOLDEN) * (c - b))
         new = np.where(
             (new > a) & (new < c) & (np.abs(new - b) > LAST_DIGITS) & (step % 2 == 0), new, wide
         )

@@ -22,9 +22,10 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
+from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
-from stickslip.rate_independent.averaging.minima import golden_section, sharpened
+from stickslip.rate_independent.averaging.minima import sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
 from stickslip.rate_independent.averaging.polishing import HeldForce, refined
 from stickslip.rate_independent.sets.cones import ConeForm, solve_cones
