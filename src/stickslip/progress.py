@@ -60,7 +60,7 @@ def watched(what: str, *, patience: float = 0.0) -> Iterator[Show]:
 
 
 @contextmanager
-def told(
+def reporting(
     listener: _Listener | None, what: str, *, patience: float = PATIENCE
 ) -> Iterator[_Listener | Show]:
     """The receiver of the completed fraction: the caller's function, or a progress bar."""

@@ -157,7 +157,7 @@ def explain_jump(
         for q in range(nq):
             jump = abs(after[nq + q] - before.y[nq + q])
             found[RATES_LEFT, q] = max(found[RATES_LEFT, q], jump)
-    ask_for_rest(machine, flow, before, after)
+    require_rest(machine, flow, before, after)
 
 
 @compiled(brief=True)
@@ -411,7 +411,7 @@ def creates_energy(rows: Rows, space: Space) -> bool:
 
 
 @compiled(brief=True)
-def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
+def require_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
     """Require that contacts which can be held at rest are held: if other impulses set fewer
     contacts with higher static friction in motion, the difference to the resulting jump is counted
     as unexplained.
