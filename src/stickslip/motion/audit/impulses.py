@@ -22,8 +22,8 @@ from stickslip.motion.admissible.cones import (
     STRONG,
     WANTED,
     fit_cones,
-    link_beside,
     no_cones,
+    second_link,
 )
 from stickslip.motion.admissible.impacts_law import (
     BEFORE,
@@ -309,7 +309,7 @@ def put_cones(rows: Rows, space: Space) -> float:
             o = block[1]
             if c == o:
                 continue  # it is done with the first direction
-            second = link_beside(rows, link, o)
+            second = second_link(rows, link, o)
             f, g = work[FORWARD, link], work[FORWARD, second]
             size = math.hypot(f * moved[c], g * moved[o])
             most = -f * f * moved[c] / size if size > 0.0 else 0.0
