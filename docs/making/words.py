@@ -74,7 +74,7 @@ WORDS: Mapping[str, str] = {
     "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
     "how-to/not-certified": "not certified, certified",
     "theory/certificates": "accurate, accuracy, tolerance, error bound, certificate, proof",
-    "theory/germs": "event detection, mode change, switching",
+    "theory/mode-selection": "event detection, mode change, switching",
     "theory/cycles": "multipliers, saltation, Floquet, stability of a cycle",
     "theory/averaging": "averaging, homogenisation",
     "theory/planes": "friction disc, direction of slip",

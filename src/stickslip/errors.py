@@ -102,7 +102,7 @@ def short(text: str) -> str:
 
 Check = Callable[[str], object]
 """Raises :class:`DeclarationError` for a name that is refused."""
-_door: ContextVar[Check | None] = ContextVar("door", default=None)
+_accepted: ContextVar[Check | None] = ContextVar("door", default=None)
 _trying: ContextVar[bool] = ContextVar("trying", default=False)
 
 
@@ -116,11 +116,11 @@ def listing(accepts: Check) -> Generator[None]:
     accepts : callable
         The check of the argument, of a name alone.
     """
-    before = _door.set(_door.get() or accepts)
+    before = _accepted.set(_accepted.get() or accepts)
     try:
         yield
     finally:
-        _door.reset(before)
+        _accepted.reset(before)
 
 
 def suggestion(
@@ -135,7 +135,7 @@ def suggestion(
         the argument counts.
     """
     names = list(dict.fromkeys(known))
-    check = None if accepts is None else _door.get() or accepts
+    check = None if accepts is None else _accepted.get() or accepts
     if check is not None and _trying.get():
         return ""  # of a name that is tried, nobody reads the message
 

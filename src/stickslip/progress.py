@@ -47,7 +47,7 @@ def watched(what: str, *, patience: float = 0.0) -> AbstractContextManager[Show]
     return nullcontext(_ignore) if place is None else _watched(what, place, patience)
 
 
-def told(
+def reporting(
     listener: _Listener | None, what: str, *, patience: float = PATIENCE
 ) -> AbstractContextManager[_Listener | Show]:
     """The receiver of the completed fraction: the caller's function, or a progress bar."""

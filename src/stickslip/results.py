@@ -366,13 +366,13 @@ class Result:
         parts = {name: part.written(name, self) for name, part in self.PARTS.items()}
         return self._said.dataset, parts
 
-    def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+    def minimal_parts(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """The stored parts from which the result can be restored: by default all."""
         return self.stored()
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A result is pickled as it is stored, without compiled functions and work space.
-        data, parts = self.essence()
+        data, parts = self.minimal_parts()
         return _remade, (type(self), data, storage.as_texts(parts))
 
     @classmethod

@@ -37,7 +37,7 @@ with progress.watched("quick") as show:
 progress.PATIENCE = progress._EVERY = 0.0
 with progress.watched("outer") as show:
     show(0.25, "<first>")
-    with progress.told(None, "inner", patience=0.0) as inner:
+    with progress.reporting(None, "inner", patience=0.0) as inner:
         inner(None)
     shown = progress._page.handle is not None
 """,

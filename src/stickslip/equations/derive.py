@@ -213,7 +213,7 @@ class MotionEquations:
         """Contacts that can open whose normal forces are in the friction of contact i."""
         return pressing_on(self.contacts, i)
 
-    def rubs_alone(self, i: int) -> bool:
+    def has_own_friction(self, i: int) -> bool:
         """Whether a contact has friction without a normal force."""
         return self._alone[i]
 
@@ -228,7 +228,7 @@ class MotionEquations:
         open in a mode."""
         pressing = self.pressing(i)
         opened = all(mode[n] != 0 for n in pressing)
-        return bool(pressing) and opened and not self.rubs_alone(i)
+        return bool(pressing) and opened and not self.has_own_friction(i)
 
     @cached_property
     def directions(self) -> dict[int, tuple[int, ...]]:
@@ -403,7 +403,7 @@ def _sum_of(own: Sequence[DryContact]) -> DryContact:
     if len(own) == 1:
         return own[0]
     sides = ("plus", "minus", "kinetic_plus", "kinetic_minus")
-    totals = zip(*(_seen_from_first(c) for c in own), strict=True)
+    totals = zip(*(_along_first(c) for c in own), strict=True)
     return replace(
         own[0],
         name=own[0].name if own[0].opens else JOINED.join(c.name for c in own),
@@ -421,7 +421,7 @@ def _share(c: DryContact, own: Sequence[DryContact]) -> Expr:
     return c.ratio / ex.add(*((other.ratio**2, 1.0) for other in own))
 
 
-def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
+def _along_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
     """Thresholds and sliding forces of a contact, as forces along the direction of which its own is
     a multiple. If the factor is negative, forward and backward are exchanged."""
     r = c.ratio

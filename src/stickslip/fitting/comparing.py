@@ -24,7 +24,7 @@ from stickslip.errors import DeclarationError
 from stickslip.fitting.fit import Fit, criteria
 from stickslip.fitting.making import fit
 from stickslip.model.system import System
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.results import Completion, Result
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ def compare_systems(
     table = _named(systems)
     known = set(table)
     fits: list[Fit] = []
-    with told(progress, "comparing") as show:
+    with reporting(progress, "comparing") as show:
         for i, (name, system) in enumerate(table.items()):
             own = {key: _own(value, i, name, known) for key, value in options.items()}
             chosen = _own(free, i, name, known), _own(observe, i, name, known)

@@ -19,7 +19,7 @@ from stickslip.fitting.unknowns import FreeRange
 from stickslip.model.system import Formula, System
 from stickslip.motion.simulate import check_positive
 from stickslip.numerics.levels import TINIEST
-from stickslip.progress import told
+from stickslip.progress import reporting
 
 if TYPE_CHECKING:
     import xarray
@@ -106,7 +106,7 @@ def fit(
         rtol=rtol,
     )
     check_positive(starts=starts)
-    with told(progress, f"fitting {system.name}") as show:
+    with reporting(progress, f"fitting {system.name}") as show:
         only = progress is not None
 
         def tell(share: float, text: str) -> None:

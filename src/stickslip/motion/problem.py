@@ -47,15 +47,15 @@ _LEAST_UNIT = 1e-6  # least size beside which errors of a state are measured, if
 MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
 
 
-class _Bench(threading.local):
+class _WorkSpaces(threading.local):
     """Work space of a thread, for one motion after the other."""
 
     space: Space | None = None
     flight: Flight | None = None
 
-    def __reduce__(self) -> tuple[type[_Bench], tuple[()]]:
+    def __reduce__(self) -> tuple[type[_WorkSpaces], tuple[()]]:
         # What is on it is nobody else's.
-        return _Bench, ()
+        return _WorkSpaces, ()
 
 
 _MOST_BENCHES = 4  # of a system, each for one order and one number of thresholds with guards
@@ -108,7 +108,11 @@ class Problem:
         if self.boxes is not None:
             low, high = self.boxes[parameter]
             if low <= value <= high:
-                shared += ["rows", "_bench"] if self.exact else ["rows", "_bench", "closed_forms"]
+                shared += (
+                    ["rows", "_work_spaces"]
+                    if self.exact
+                    else ["rows", "_work_spaces", "closed_forms"]
+                )
             else:
                 other = replace(other, boxes={**self.boxes, parameter: (value, value)})
         vars(other).update({name: getattr(self, name) for name in shared})
@@ -139,7 +143,7 @@ class Problem:
         """
         tol, atol = self.retrace if retracing else (self.tolerance, self.atol)
         k = self.constants if constants is None else constants
-        bench = self._bench
+        bench = self._work_spaces
         space = bench.space = flagged(bench.space or self.space())
         # What was followed before had other parameters, and another unit of time.
         space.known[-1] = 1
@@ -149,15 +153,15 @@ class Problem:
     @property
     def shared_flight(self) -> Flight:
         """Work space for closed forms in this thread: valid for one call."""
-        bench = self._bench
+        bench = self._work_spaces
         bench.flight = bench.flight or self.flight()
         return bench.flight
 
     @cached_property
-    def _bench(self) -> _Bench:
+    def _work_spaces(self) -> _WorkSpaces:
         # Motions of a system come one after the other, mostly.
         sizes = self.order, len(self.rows.required)
-        return made_once(self.compiled, "bench", _Bench, sizes, _MOST_BENCHES)
+        return made_once(self.compiled, "bench", _WorkSpaces, sizes, _MOST_BENCHES)
 
     @cached_property
     def constants(self) -> Constants:

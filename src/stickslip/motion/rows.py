@@ -251,7 +251,8 @@ def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Ar
     first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))
     pressed = set(table[:, RUBBING])
     alone = np.array(
-        [c not in pressed or equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64
+        [c not in pressed or equations.has_own_friction(c) for c in range(len(layout.u))],
+        dtype=np.int64,
     )
     return table, first.astype(np.int64), friction, alone
 

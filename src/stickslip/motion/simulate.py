@@ -23,7 +23,7 @@ from stickslip.motion.starts import (
     numbers_of,
     put_on_contacts,
 )
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.stopping.scopes import TimeUp, check_limit, watching
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def simulate(
     check_positive(max_events=max_events)
     check_limit(time_limit)
     with watching(time_limit) as scope:
-        with told(progress, f"motion of {system.name}") as show:
+        with reporting(progress, f"motion of {system.name}") as show:
             most = max_events + system.declaration.kinks_known(start, end)
             code, knots, ended = run_loop(problem, start, end, y, most, show)
         if ended is not None and not scope.ends(ended):
@@ -168,7 +168,7 @@ def run_loop(
     y : array, shape (n,)
         State at the start.
     progress : callable, optional
-        Is told the fraction of the span that is done.
+        Receives the completed fraction of the span.
 
     Returns
     -------

@@ -648,10 +648,10 @@ class Trajectory(Result):
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """The dataset and the knots, from which all values between them are computed."""
-        knots, parts = self.essence()
+        knots, parts = self.minimal_parts()
         return self.dataset.merge(knots), parts
 
-    def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+    def minimal_parts(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """The knots, and the data of the system."""
         import xarray as xr
 

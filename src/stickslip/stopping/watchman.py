@@ -61,26 +61,26 @@ class _Watchman:
     def __init__(self) -> None:
         import socket
 
-        self._bell, self._rope = socket.socketpair()  # who pulls wakes it
-        self._rope.setblocking(False)
-        # Where a byte wakes it: the number of a signal, or 0.
-        self.rope: int = self._rope.fileno()
+        self._receiver, self._sender = socket.socketpair()
+        self._sender.setblocking(False)
+        # A byte sent there wakes the thread: the number of a signal, or 0.
+        self.wakeup_fd: int = self._sender.fileno()
         self.due: dict[int, Due] = {}
         self.keyboard: Array | None = None
-        self.others: int = -1  # who else wants to know of signals
+        self.others: int = -1  # the file descriptor of the previous receiver of signals
         threading.Thread(target=self._watch, name="stickslip watchman", daemon=True).start()
 
     def wake(self) -> None:
         """Wake the thread so that it checks which flags are due."""
         with contextlib.suppress(BlockingIOError):  # it is being woken already
-            self._rope.send(b"\0")
+            self._sender.send(b"\0")
 
     def _watch(self) -> None:
         while True:
             soonest = min((due.until for due in list(self.due.values())), default=math.inf)
-            self._bell.settimeout(min(max(soonest - time.monotonic(), 1e-3), _LONGEST))
+            self._receiver.settimeout(min(max(soonest - time.monotonic(), 1e-3), _LONGEST))
             with contextlib.suppress(TimeoutError):
-                self._signalled(self._bell.recv(4096))
+                self._signalled(self._receiver.recv(4096))
             for key, due in list(self.due.items()):
                 if due.until > time.monotonic():
                     continue
@@ -153,10 +153,10 @@ def listen(interrupt: Array) -> PreviousHandler | None:
         return None
     watchman = _instance()
     try:
-        before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
+        before = signal.set_wakeup_fd(watchman.wakeup_fd, warn_on_full_buffer=False)
     except ValueError:  # the main thread of an interpreter in another one
         return None
-    if before == watchman.rope:  # an exception came before it was given back
+    if before == watchman.wakeup_fd:  # an exception came before it was given back
         before = -1
     watchman.keyboard, watchman.others = interrupt, before
     return PreviousHandler(watchman, before)

@@ -33,7 +33,7 @@ from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
@@ -216,7 +216,7 @@ def basin(
         section=True,
     )
     store = create(plan, None)
-    with told(progress, f"basin of {system.name}") as show:
+    with reporting(progress, f"basin of {system.name}") as show:
 
         def share(state: Progress) -> None:
             show(state.done / state.total)

@@ -376,7 +376,7 @@ FUNCTIONS: dict[str, Function] = {
             latex=r"\operatorname{arsinh}",
             parity="odd",
             limits=(-math.inf, math.inf),
-            growth="stickslip.symbolic.majorants:beside_i",
+            growth="stickslip.symbolic.majorants:of_singular_at_i",
         ),
         Function(
             name="atan",
@@ -386,7 +386,7 @@ FUNCTIONS: dict[str, Function] = {
             latex=r"\operatorname{arctan}",
             parity="odd",
             limits=(-_ABOVE_QUARTER, _ABOVE_QUARTER),
-            growth="stickslip.symbolic.majorants:beside_i",
+            growth="stickslip.symbolic.majorants:of_singular_at_i",
         ),
         Function(
             name="asin",

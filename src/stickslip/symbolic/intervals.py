@@ -144,13 +144,13 @@ class Intervals:
     def _power(self, a: Interval, p: float) -> Interval:
         ops = self.ops
 
-        def beside_one(x: Any, value: Any) -> Any:
+        def widened_at_one(x: Any, value: Any) -> Any:
             """No side of 1 is lost to rounding."""
             below = ops.where(abs(x) <= 1.0, ops.minimum(value, 1.0), value)
             return ops.where(x >= 1.0, ops.maximum(value, 1.0), below)
 
         low, high = self._loosened(ops.power(a[0], p), ops.power(a[1], p))
-        return beside_one(a[0], low), beside_one(a[1], high)
+        return widened_at_one(a[0], low), widened_at_one(a[1], high)
 
     def varying_power(self, base: Interval, exponent: Interval) -> Interval:
         """base to a power that varies. Where the base is negative, only whole powers are defined:

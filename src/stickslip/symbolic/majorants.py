@@ -177,7 +177,7 @@ def of_tanh(row: Function, a: Array, b: Array) -> Array:
     return np.where(moved < 1.0 + q, 2.0 * moved / ((1.0 + q) * (1.0 + q - moved)), np.inf)
 
 
-def beside_i(row: Function, a: Array, b: Array) -> Array:
+def of_singular_at_i(row: Function, a: Array, b: Array) -> Array:
     """For asinh and atan, which are singular at ±i: |f′| is at most the reciprocal of the
     distance."""
     # ∫ ds/(far − s) along δ bounds the change.

@@ -96,7 +96,7 @@ def pressed_slopes(draft: Draft, i: int, normal: int) -> list[Expr]:
     return [ex.derivative(side, f"lambda:{normal}") for side in sliding_forces(draft, i)]
 
 
-def rubs_evenly(draft: Draft, i: int) -> bool:
+def has_constant_friction(draft: Draft, i: int) -> bool:
     """Whether the friction of a contact under each normal force has one constant coefficient."""
     found = [set(pressed_slopes(draft, i, normal)) for normal in draft.eq.pressing(i)]
     return all(len(own) == 1 and draft.constants.is_constant(*own) for own in found)

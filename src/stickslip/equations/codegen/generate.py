@@ -25,9 +25,9 @@ import numpy as np
 
 from stickslip.equations.codegen.contacts import (
     adhesion_rows,
+    has_constant_friction,
     prescribed_forces,
     pressed_slopes,
-    rubs_evenly,
     speed_row,
     velocity_row,
 )
@@ -181,7 +181,7 @@ def _setup(draft: Draft) -> list[Store]:
     entries += [
         Store("J", (i, last - k - (2 if k else 0)), scalar(pressed_slopes(draft, i, normal)[0]))
         for i in range(draft.mq)
-        if rubs_evenly(draft, i)
+        if has_constant_friction(draft, i)
         for k, normal in enumerate(draft.eq.pressing(i))
     ]
     for i in draft.layout.together:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from stickslip.equations.codegen.contacts import pressed_slopes, right_side, rubs_evenly
+from stickslip.equations.codegen.contacts import has_constant_friction, pressed_slopes, right_side
 from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
 from stickslip.equations.coupling import Component, components
 from stickslip.symbolic import expressions as ex
@@ -88,7 +88,7 @@ def solved_block(
 
 def _moves(draft: Draft, part: Component, matrix: Mapping[tuple[int, int], Expr]) -> bool:
     """Whether the matrix of a component varies."""
-    if not all(rubs_evenly(draft, c) for c in part.contacts):
+    if not all(has_constant_friction(draft, c) for c in part.contacts):
         return True
     own = frozenset(part.coordinates)
     entries = [e for (i, _), e in matrix.items() if i in own]

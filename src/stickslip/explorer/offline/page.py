@@ -22,7 +22,7 @@ from stickslip.explorer.offline.points import Stored, stored_motions
 from stickslip.explorer.work.export import file_named
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
-from stickslip.progress import Show, told
+from stickslip.progress import Show, reporting
 
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
@@ -105,7 +105,7 @@ def export_page(
     """
     path = _checked(path, where)
     plan = read_plan(system, over)
-    with told(progress, f"motions of {system.name}") as show:
+    with reporting(progress, f"motions of {system.name}") as show:
         stored = stored_motions(system, plan, show)
     if not any("motion" in record for record in stored.records):
         raise StickslipError(f"no motion could be computed: {stored.records[0]['refused']}")

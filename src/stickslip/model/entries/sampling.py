@@ -39,7 +39,7 @@ class Sampling(NamedTuple):
 
     @property
     def since(self) -> str:
-        """Time since the last sample."""
+        """Periods since the first sample."""
         return f"(t - ({self.offset}))/({self.period})"
 
 

@@ -123,7 +123,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
             ray[c] = cones[MOST_SHARE if cones[LEFT, c] > 0.0 else LEAST_SHARE, link]
             continue
         o = block[1]
-        second = link_beside(rows, link, o)
+        second = second_link(rows, link, o)
         f, g = cones[MOST_SHARE, link], cones[MOST_SHARE, second]
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
             ray[c], ray[o] = f, g
@@ -136,7 +136,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
 
 
 @compiled()
-def link_beside(rows: Rows, link: int, o: int) -> int:
+def second_link(rows: Rows, link: int, o: int) -> int:
     """The link of the other direction of a contact in a plane under the same normal force."""
     return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
 

@@ -185,7 +185,7 @@ def is_dependent(flow: Flow, table: Array, c: int, rank: int) -> bool:
 
 
 @compiled(brief=True)
-def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
+def press_by_internal_forces(flow: Flow, mode: Array, table: Array, group: int) -> bool:
     """Whether internal forces (with zero sum) of the sticking contacts of a group change their
     normal forces, as those of feet at different heights do: they can then hold more than with the
     normal forces of the mode.

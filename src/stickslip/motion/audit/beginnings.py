@@ -13,7 +13,12 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
+from stickslip.motion.admissible.sharing import (
+    ON_ITS_OWN,
+    any_share,
+    find_shared,
+    press_by_internal_forces,
+)
 from stickslip.motion.affine.nodes import most
 from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
@@ -74,7 +79,7 @@ def judge_beginning(
     rows = flow.rows
     nc = len(rows.u)
     slips = starts.mode[i]
-    quiet = is_quiet(starts, i)
+    quiet = continues_previous(starts, i)
     asked = False
     for c in range(nc):
         asked = asked or (not resting(slips[c]) and may_stick_again(rows, c, quiet))
@@ -94,7 +99,7 @@ def judge_beginning(
 
 
 @compiled()
-def is_quiet(starts: Record, i: int) -> bool:
+def continues_previous(starts: Record, i: int) -> bool:
     """Whether a step continues the previous one, without a recorded event in between."""
     return bool(i > 0 and starts.cause[i] < 0)
 
@@ -140,7 +145,7 @@ def hold_beginnings(
         return False
     if plain_coefficients(machine, flow, at, 1, space.W) != OK:
         return False
-    quiet = is_quiet(starts, i)
+    quiet = continues_previous(starts, i)
     asked = False
     for c in rows.openings:
         opened = slips[c] == 1 and not quiet
@@ -277,7 +282,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
             continue
         room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
         if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
-            if press_themselves(flow, mode, W, rows.group[c]):
+            if press_by_internal_forces(flow, mode, W, rows.group[c]):
                 return c, 1.0  # nobody has asked what they hold then
             room = spare_part(flow, mode, c)
             if tally.law[c, LARGEST_FORCE] > 0.0:

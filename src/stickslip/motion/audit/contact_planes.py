@@ -143,7 +143,7 @@ def product_deviation(W: Array, discs: Array, a: int, b: int, factor: float) -> 
 
 
 @compiled()
-def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
+def direction_uncertainty(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
     """Uncertainty of the directions of slips in a piece due to rounding errors of velocities, and
     of the other forces of the contact, relative to its size. Where a slip ends, its velocity falls
     below the rounding errors.
@@ -205,7 +205,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * force * force)
         # s² − |A⁻¹λ|² ≈ 2 s (s − |A⁻¹λ|): divided by s below, it is a force.
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
-        unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
+        unsure += direction_uncertainty(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, EXCESS] = most(law[c, EXCESS], (loose - low - unsure) / force)
         for i in range(len(block)):
@@ -229,7 +229,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         for i in range(j):
             turned = largest_of(samples[samples_of(rows, block[j]) + 1 + i]) + across - rounding
             law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
-    unsure = ROUNDING + blurred_by_turns(rows, space, mode, c, tally)
+    unsure = ROUNDING + direction_uncertainty(rows, space, mode, c, tally)
     longer = law[c, LARGEST_FORCE] * (largest_of(samples[row + 2]) + unit - unsure)
     law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], longer)
     if is_rate_independent(rows, c):

@@ -62,7 +62,7 @@ from stickslip.motion.audit.accounts import (
     samples_of,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
-from stickslip.motion.audit.contact_planes import blurred_by_turns
+from stickslip.motion.audit.contact_planes import direction_uncertainty
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
@@ -383,7 +383,7 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
 
 
 @compiled()
-def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
+def violates_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
     """Whether forces of resting contacts violate the law at a node; the resting contacts are marked
     in the work space.
 
@@ -531,7 +531,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, turned: float, tal
             or not is_first(rows, mode, first)
         ):
             continue
-        least = max(piece.rounding, blurred_by_turns(rows, space, mode, first, tally))
+        least = max(piece.rounding, direction_uncertainty(rows, space, mode, first, tally))
         loose = 0.0
         for c in range(first, nc):
             if not sticks_in(rows, mode, c, rows.group[first]):

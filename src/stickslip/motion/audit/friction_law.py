@@ -31,7 +31,7 @@ from stickslip.motion.audit.accounts import (
     samples_of,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
-from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
+from stickslip.motion.audit.contact_planes import direction_uncertainty, judge_plane, sample_plane
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, WIDEST, Rows, Space
 from stickslip.motion.steps.contacts import directions_of, is_loose
@@ -205,7 +205,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             space.W[rows.u[c]], piece.order, piece.h / unit
         )
         unsure = piece.rounding * force_terms(rows, mag, c)
-        unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
+        unsure += direction_uncertainty(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
         unsure += late * (
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
@@ -280,6 +280,6 @@ def judge_opening(
         space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
     )
     unsure = ROUNDING * force_terms(rows, space.mag, c)
-    unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
+    unsure += direction_uncertainty(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
     law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
     law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row + 1]) + apart)

@@ -22,8 +22,8 @@ from stickslip.motion.admissible.cones import (
     STRONG,
     WANTED,
     fit_cones,
-    link_beside,
     no_cones,
+    second_link,
 )
 from stickslip.motion.admissible.impacts_law import (
     BEFORE,
@@ -157,7 +157,7 @@ def explain_jump(
         for q in range(nq):
             jump = abs(after[nq + q] - before.y[nq + q])
             found[RATES_LEFT, q] = max(found[RATES_LEFT, q], jump)
-    ask_for_rest(machine, flow, before, after)
+    require_rest(machine, flow, before, after)
 
 
 @compiled(brief=True)
@@ -309,7 +309,7 @@ def put_cones(rows: Rows, space: Space) -> float:
             o = block[1]
             if c == o:
                 continue  # it is done with the first direction
-            second = link_beside(rows, link, o)
+            second = second_link(rows, link, o)
             f, g = work[FORWARD, link], work[FORWARD, second]
             size = math.hypot(f * moved[c], g * moved[o])
             most = -f * f * moved[c] / size if size > 0.0 else 0.0
@@ -411,7 +411,7 @@ def creates_energy(rows: Rows, space: Space) -> bool:
 
 
 @compiled(brief=True)
-def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
+def require_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
     """Require that contacts which can be held at rest are held: if other impulses set fewer
     contacts with higher static friction in motion, the difference to the resulting jump is counted
     as unexplained.

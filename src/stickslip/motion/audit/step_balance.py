@@ -58,10 +58,10 @@ from stickslip.motion.audit.beginnings import judge_beginning
 from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_deviation
 from stickslip.motion.audit.contact_planes import share_sizes
 from stickslip.motion.audit.forces import (
-    asks_for_others,
     judge_together,
     sample_together,
     try_other_forces,
+    violates_law,
 )
 from stickslip.motion.audit.friction_law import judge_law, sample_law
 from stickslip.motion.audit.observers import add_step, count_times
@@ -312,7 +312,7 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
-    if asks_for_others(rows, space, mode, piece, tally):
+    if violates_law(rows, space, mode, piece, tally):
         try_other_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
     if sharing:

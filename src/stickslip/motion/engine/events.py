@@ -168,8 +168,8 @@ def jump_and_collide(
         code, zero = take_jump(machine, flow, lane, due)
     if code < 0 and has_gaps(rows):
         code, count = collide_if_closing(machine, flow, lane, task, count, entering, due, zero)
-    copy(lane.reg, flow.space.stood)
-    flow.space.stood[len(lane.reg)] = rows.jumps[due, KINK] if due >= 0 else NOWHERE
+    copy(lane.reg, flow.space.previous_regions)
+    flow.space.previous_regions[len(lane.reg)] = rows.jumps[due, KINK] if due >= 0 else NOWHERE
     return code, count, due
 
 
@@ -278,10 +278,10 @@ def look_at_jumps(
         Whether a jump is due.
     """
     rows = flow.rows
-    stood = flow.space.stood
+    previous_regions = flow.space.previous_regions
     counters = lane.counters
     code = NOWHERE
-    passed, first = passed_jumps(rows, stood, lane.reg)
+    passed, first = passed_jumps(rows, previous_regions, lane.reg)
     if due >= 0:
         if passed > 0 or falls_back(flow, lane, due):
             code = JUMPS_ON
@@ -290,9 +290,9 @@ def look_at_jumps(
     late = due < 0 and passed == 1 and counters[TAKEN] > 0
     if late:
         kink = rows.jumps[first, KINK]
-        lane.reg[kink] = stood[kink]
+        lane.reg[kink] = previous_regions[kink]
         count = note(rows, lane, task, count)
-        lane.reg[kink] = 1 - stood[kink]
+        lane.reg[kink] = 1 - previous_regions[kink]
         counters[CAUSE] = kink
         counters[HAPPENED] += 1
         counters[CROSSED] += 1

@@ -1,16 +1,16 @@
-"""The choice of the mode that continues a motion.
+"""Selection of the mode that continues a motion.
 
 One rule decides every mode, at the start, at an event and at a corner where several contacts stand
 on their boundary: **a mode is right if all its guards are nonnegative for a short while**, that is,
 if the first Taylor coefficient of each guard that is not zero is positive. The guards of a stick
 are λ + s⁺ and s⁻ − λ, of a slip σu, of a region its signed kink function. This is the
-complementarity problem of the force law in the ordered field of germs (of Taylor series), so a
-principal pivoting method (Murty: flip the violated switch of least index) finds its solution. Its
+complementarity problem of the force law in the ordered field of power series, so a principal
+pivoting method (Murty: flip the violated switch of least index) finds its solution. Its
 leading order is the convex minimisation of the accelerations, velocities or rates.
 
-:mod:`.mode_series` makes the series of a mode, :mod:`.guards` looks for what they violate, and
-:mod:`.pivots` changes the mode. Where pivoting leaves the admissible modes, all states of the
-switches that it has questioned are tried in turn.
+:mod:`.mode_series` computes the series of a mode, :mod:`.guards` finds violated guards, and
+:mod:`.pivots` changes the mode. If pivoting leaves the admissible modes, all states of the switches
+that it has flipped are tried, one after the other.
 """
 
 from __future__ import annotations

@@ -529,7 +529,7 @@ def scan(
     nc = len(rows.u)
     count = 0
     violated = NOWHERE
-    leapt = space.stood[nk]
+    leapt = space.previous_regions[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     late = slack * _LATE * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
     late = late / powers[1] if powers[1] > 0.0 else 0.0
@@ -542,7 +542,7 @@ def scan(
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
         if sharing and is_held_with_others(space, nk, nc, g):
-            if stands_for_all(rows, mode, nk, g):
+            if represents_group(rows, mode, nk, g):
                 own = fired >= nk and may_share(rows, fired - nk, contact_of(g, nk))
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
                 violated, count = note_together(flow, mode, g, near, late, lack, violated, count)
@@ -606,7 +606,7 @@ def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
 
 
 @compiled()
-def stands_for_all(rows: Rows, mode: Array, nk: int, g: int) -> bool:
+def represents_group(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard represents all contacts that share their forces."""
     return not is_second(g, nk) and is_first(rows, mode, contact_of(g, nk))
 

@@ -312,7 +312,7 @@ def matches_prediction(flow: Flow, table: Array, y: Array, seen: Array, h: float
     change = flow.space.last_step[PREDICTED]
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
-    vague = vagueness(flow, table, y, h)
+    vague = direction_error(flow, table, y, h)
     shared, until = 0.0, 0
     nq = rows.sizes[INERTIAL]
     faint = 0.0
@@ -376,7 +376,7 @@ def size_of_body(rows: Rows, y: Array, change: Array, i: int) -> tuple[float, in
 
 
 @compiled()
-def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
+def direction_error(flow: Flow, table: Array, y: Array, h: float) -> float:
     """Effect of rounding errors of velocities on the directions of slips that begin together.
 
     Parameters

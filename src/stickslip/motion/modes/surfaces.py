@@ -190,7 +190,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     block = own_directions(rows, c)
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
-        if is_rubbed(flow, table, mode, c, i):
+        if is_moved_by_friction(flow, table, mode, c, i):
             continue
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
@@ -235,7 +235,7 @@ def all_on_surface(flow: Flow, mode: Array) -> bool:
 
 
 @compiled(brief=True)
-def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
+def is_moved_by_friction(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
     """Whether a slip in a plane, under the normal force of a contact, moves a coordinate of their
     component.
 

@@ -25,7 +25,7 @@ def slipping_contacts(motion: Trajectory, numbers: list[int]) -> Array:
     equations = motion.problem.compiled.equations
     found = mode[:, numbers] != 0
     for j, c in enumerate(numbers):
-        if equations.pressing(c) and not equations.rubs_alone(c):
+        if equations.pressing(c) and not equations.has_own_friction(c):
             found[:, j] &= np.any(mode[:, equations.pressing(c)] == 0, axis=1)
     return found
 

@@ -117,7 +117,9 @@ class Switches:
             together = next((o for o in equations.members if len(o) > 1 and _has(o, name)), own)
             if len(own) > 1:
                 pressing = equations.pressing(i)
-                free = np.full(len(self.knots.mode), bool(pressing) and not equations.rubs_alone(i))
+                free = np.full(
+                    len(self.knots.mode), bool(pressing) and not equations.has_own_friction(i)
+                )
                 loose = free & np.all(self.knots.mode[:, pressing] != 0, axis=1)
                 found[name] = np.where(loose, IS_OPEN, self.knots.slip[:, i]).astype(np.int8)
             elif len(together) > 1 and not self._opens_apart(together):

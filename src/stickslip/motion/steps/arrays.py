@@ -317,7 +317,7 @@ class Space(NamedTuple):
         Vectors, and support functions there; see :mod:`stickslip.motion.steps.sets`.
     span, face, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
-    landed, stood : arrays
+    landed, previous_regions : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
     interrupt, late : arrays of int, shape (1,)
@@ -362,7 +362,7 @@ class Space(NamedTuple):
     shares: Matrix
     explained: Matrix
     landed: Vector
-    stood: IntVector
+    previous_regions: IntVector
     begun: Matrix
     answer: Matrix
     aims: Matrix
@@ -597,7 +597,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         shares=z((2 * struck + 1, 2 * struck + 2)),
         explained=z((8, max(nq, nc) if struck else 0)),
         landed=z(max(len(rows.landings), 1)),
-        stood=np.full(nk + 1, -1, np.int64),
+        previous_regions=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
         aims=z((AIMS * len(rows.planes), N + 1)),

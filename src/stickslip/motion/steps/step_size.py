@@ -96,7 +96,7 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
     begins = False
     for i in range(len(rows)):
         r = rows[i]
-        if is_silent(flow.rows, mode, r):
+        if is_zero_margin(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             # Of forces, and what else is no state, at a beginning only: where directions turn,
@@ -150,7 +150,7 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
 
 
 @compiled()
-def is_silent(rows: Rows, mode: Array, r: int) -> bool:
+def is_zero_margin(rows: Rows, mode: Array, r: int) -> bool:
     """Whether a row is the room that forces in a plane have, while there is slip: zero, but for
     rounding errors.
 

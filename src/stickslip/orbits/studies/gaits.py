@@ -23,7 +23,7 @@ from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.following import follow_freely
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.results import CERTIFICATE, PLAIN, TEXT, Completion, Result
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def gait_study(
     rows: list[dict[str, object]] = []
     certificates: list[Certificate] = []
     last: Cycle | None = None
-    with told(progress, f"gaits of {system.name}") as show:
+    with reporting(progress, f"gaits of {system.name}") as show:
         for i, value in enumerate(values):
             show(i / len(values))
             system.declaration.check_range(parameter, float(value))

@@ -13,7 +13,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.rate_independent.evolution.evolve import check_tolerances
@@ -197,7 +197,7 @@ def averaging_study(
     done: list[tuple[Motion, Gauge]] = []
     stopped = ""
     try:
-        with told(progress, "averaging study", patience=0.0) as show:
+        with reporting(progress, "averaging study", patience=0.0) as show:
             for k, epsilon in enumerate(periods.tolist()):
                 motion = motion_of(problem.with_period(epsilon), tolerance)
                 done.append((motion, Gauge(problem.A, grid, limit.at).measure(motion)))

@@ -14,7 +14,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import SAME_VALUE, WHOLE_COUNT
-from stickslip.progress import told
+from stickslip.progress import reporting
 from stickslip.rate_independent.evolution.audit import (
     STEP_COLUMNS,
     EnergyFlow,
@@ -115,7 +115,7 @@ def evolve(
     )
     earlier = 0.0 if start is None else start.wall_time
     try:
-        with told(progress, "evolving", patience=0.0) as show:
+        with reporting(progress, "evolving", patience=0.0) as show:
             for block in march:
                 record.add(block)
                 show((march.state.t - problem.span[0]) / march.length)
