@@ -269,7 +269,7 @@ class _Changing:
         if alike and abs(large.slope - small.slope) > _KNOWN * abs(large.slope):
             raise DeclarationError(
                 f"of: {short(text)}",
-                "its least and its largest value have the same modulus and different derivatives",
+                "its smallest and largest values have equal moduli, but different derivatives",
                 "Use low or high",
             )
         return large
@@ -396,7 +396,7 @@ def _phase(c: _Changing, of: str) -> _Value:
     if not c.cycle.closed.shooting.setting.symmetry.driven:
         raise DeclarationError(
             f"of: phase:{short(of)}",
-            f"{c.cycle.system.name} has no drive, so a cycle may begin at any time",
+            f"{c.cycle.system.name} has no drive, so the phase of a cycle is arbitrary",
             "Use harmonic",
         )
     start = float(c.motion.knots.time[0])
