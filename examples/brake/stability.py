@@ -1,5 +1,5 @@
-"""A brake with a tabulated friction coefficient: stability of steady sliding in the speed of the disc
-and the force on the pad, and limit cycles.
+"""A brake with a tabulated friction coefficient: stability of steady sliding in the speed of the
+disc and the force on the pad, and limit cycles.
 
 Steady sliding loses its stability if friction decreases faster than the damping compensates; the
 boundary N μ′(V) + c = 0 is a curve of Hopf points. With increasing speed of the disc, stick-slip

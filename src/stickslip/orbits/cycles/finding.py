@@ -420,5 +420,5 @@ class _Search:
             f"a cycle of {self.problem.system.name}",
             reached,
             "Choose a start closer to a cycle, or start from a cycle at other parameters, which "
-            "also finds cycles that attract slowly",
+            "also works if convergence is slow",
         )
