@@ -67,8 +67,8 @@ class NearCycle:
         )
 
     def _phases(self, time: float, period: float) -> tuple[Array, Array]:
-        """Times on the cycle at which the drives are as they are at a time, and how many periods
-        they are before it."""
+        """Times on the cycle with the same phases of the drives as a given time, and the number of
+        periods between them."""
         k = self.cycle.trajectory.knots
         turns = round(self.cycle.period / period)
         times = k.time[0] + np.mod(time - k.time[0], period) + period * np.arange(turns)

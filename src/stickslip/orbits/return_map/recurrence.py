@@ -37,7 +37,7 @@ _STILL = 1e-9  # of its modulus: spread of a component that does not move
 
 @dataclass(frozen=True)
 class Recurrence:
-    """A state of a motion, and when the motion nearly comes back to it.
+    """A state of a motion, and the time at which the motion nearly returns to it.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Window:
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
     def apart(self, differences: Array, times: Array | float) -> Array:
-        """The same of differences of states, and of their times: without whole cells, too."""
+        """Differences of states, with those of their times, also without whole cells."""
         e = self.symmetry.frame
         along = differences if e is None else differences - np.multiply.outer(times, e)
         home = self.symmetry.at_home(along, self.sizes)
@@ -219,8 +219,8 @@ def modes_of_structures(motion: Trajectory) -> list[slice]:
 
 
 def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
-    """Change of each component that some rate or guard feels as much as it feels the others;
-    infinite if none does.
+    """Change of each component with the same effect on some rate or guard as the others; infinite
+    if there is no effect.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
 
 
 def segments(motion: Trajectory) -> list[tuple[int, int]]:
-    """First and last knot of every stretch in one mode and region, without a jump of the state,
-    that takes time."""
+    """First and last knot of every part in one mode and region, without a jump of the state, of
+    nonzero duration."""
     knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
@@ -268,8 +268,8 @@ def segments(motion: Trajectory) -> list[tuple[int, int]]:
 
 
 def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> float:
-    """The middle of the stretch with most constraints, and of those the longest (the latest, if
-    several are)."""
+    """The middle of the part with most constraints, and of these the longest (the latest, if there
+    are several)."""
 
     def rank(ends: tuple[int, int]) -> tuple[int, float, int]:
         length = knots.time[ends[1]] - knots.time[ends[0]]
@@ -284,7 +284,7 @@ def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> 
 
 
 def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
-    """The last state of a motion, and when it was passed before."""
+    """The last state of a motion, and its previous occurrence."""
     k = w.trajectory.knots
     found = segments(w.trajectory)
     if len(found) == 1:
@@ -296,7 +296,7 @@ def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
 
 
 def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
-    """A state early in a motion that is there again after a known period, well inside a mode."""
+    """An early state of a motion, well inside a mode, that recurs after a known period."""
     k = w.trajectory.knots
     begin = float(k.time[0])
     found = segments(w.trajectory)
@@ -312,7 +312,7 @@ def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
 
 
 def earliest(w: Window) -> list[Recurrence]:
-    """When a motion comes back to where it has started."""
+    """The first return of a motion to its start."""
     k = w.trajectory.knots
     whole = segments(w.trajectory)
     a, b = whole[0]

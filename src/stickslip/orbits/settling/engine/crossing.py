@@ -30,7 +30,7 @@ _MISSES = 1e-6  # of a height: how far the end of a Taylor step may be off; else
 
 @compiled()
 def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
-    """Lay a plane through the present state across the motion, whose rates are in the work
+    """Define a plane through the present state, normal to the motion, whose rates are in the work
     space.
 
     Parameters
@@ -53,7 +53,7 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
 
 @compiled()
 def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> float:
-    """On which side of the plane a state is, and how far.
+    """Signed distance of a state from the plane.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def starts_in_plane(m: Marks, i: int, t: float) -> bool:
 def put_at(
     lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array
 ) -> None:
-    """Put a lane at a point within a step.
+    """Set a lane to a point within a step.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ def fails_to_return(m: Marks, rules: Rules, i: int, t: float) -> bool:
 
 @compiled()
 def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
-    """Keep where the motion itself is, before it is carried on by hand.
+    """Save the state of the motion before its extrapolation.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ def leap(
     d: float,
     k: int,
 ) -> int:
-    """Carry a motion on to where its returns lead, a recurrence of order k, unless that is far
-    away.
+    """Extrapolate a motion to the limit of its returns, by a recurrence of order k, unless the
+    limit is far away.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def leap(
 
 @compiled()
 def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
-    """Carry a motion on by a step, at its last mark.
+    """Add an extrapolation step to the state at the last mark.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
 
 @compiled()
 def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
-    """Put a motion back to where it was at a mark, which is the last one again.
+    """Reset a motion to its state at a mark, which becomes the last one.
 
     Parameters
     ----------

@@ -56,7 +56,8 @@ _WORTH = 24.0  # returns for which a motion rather waits than that its limit is 
 
 @compiled()
 def remove_shift(v: Array, shifts: Array) -> None:
-    """Take the parts along translations, which are orthogonal to each other, off a vector."""
+    """Subtract the components along translations, which are orthogonal to each other, from a
+    vector."""
     for j in range(len(shifts)):
         along, size = 0.0, 0.0
         for i in range(len(v)):
@@ -69,7 +70,7 @@ def remove_shift(v: Array, shifts: Array) -> None:
 
 @compiled()
 def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
-    """Take translations and whole cells off a difference of states, or off a state.
+    """Subtract translations and whole cells from a difference of states, or from a state.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def miss(v: Array, size: Array, atol: float) -> float:
 
 @compiled()
 def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> None:
-    """Keep the largest modulus of every component, as long as the size of a cycle is not known.
+    """Update the largest modulus of every component, while the size of the cycle is unknown.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None
 
 @compiled()
 def begin_again(m: Marks, i: int, lag: int) -> None:
-    """Look at returns over a lag from now on."""
+    """Start the comparison of returns over a new lag."""
     m.numbers[i, LAG] = lag
     m.numbers[i, SAME] = 0
     m.numbers[i, STALLED] = 0
@@ -247,7 +248,8 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 @compiled()
 def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
-    """If returns have not shrunk for long, use the shortest one that is nearly as close as any."""
+    """If returns have not decreased for some time, use the shortest lag whose return is nearly the
+    closest."""
     numbers = m.numbers[i]
     best = np.inf
     lag = 0
@@ -425,7 +427,7 @@ def largest_component(v: Array) -> float:
 
 @compiled()
 def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
-    """The recurrence of order k that returns obey, all but the last, by Givens rotations.
+    """Fit a recurrence of order k to all returns except the last, by Givens rotations.
 
     Parameters
     ----------
@@ -499,7 +501,7 @@ def norm(v: Array) -> float:
 
 @compiled()
 def remove_part(v: Array, unit: Array) -> float:
-    """Take the part along a unit vector off a vector; how large it was."""
+    """Subtract the component along a unit vector from a vector; returns its size."""
     part = 0.0
     for r in range(len(v)):
         part += unit[r] * v[r]
@@ -518,7 +520,7 @@ def distinct_above(m: Marks, i: int) -> float:
 
 @compiled()
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
-    """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
+    """The smallest divisor of the lag over which the last mark of a polished cycle also returns."""
     lag = m.numbers[i, LAG]
     limit = distinct_above(m, i)
     p = 2
