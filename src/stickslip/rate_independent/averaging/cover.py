@@ -40,10 +40,10 @@ class Looked(NamedTuple):
 
 
 class Cover:
-    """The phases of a potential, on stretches that are divided into more and more parts.
+    """The phases of a potential, on intervals that are successively divided.
 
-    A stretch is divided where a force that is outside of no K(s) at its ends might be in between.
-    What was divided stays so for the next force: nearby forces cost a few passes over arrays.
+    An interval is divided if a force that is inside K(s) at its ends may be outside in between. The
+    subdivision is kept for the next force, so that nearby forces cost a few passes over arrays.
     """
 
     def __init__(self, source: Dissipation) -> None:
@@ -166,8 +166,7 @@ class Cover:
             active = self._children(active[open_])
 
     def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
-        """Stretches, sorted by where they are stored, the forces that belong to them, and their
-        rows."""
+        """Intervals, sorted by their storage, with their forces and rows."""
         if np.array_equal(active, np.arange(self.roots)):
             return active, which, self.first
         block = np.searchsorted(self.begins, active, side="right") - 1
@@ -209,6 +208,6 @@ class Cover:
         return np.unique(near[beside & (self.child[near] < 0) & (width > NARROWEST_STRETCH)])
 
     def scale(self, s: float) -> float:
-        """Width of the finest stretch around a phase; 1 if no phase matters."""
+        """Width of the finest interval around a phase; 1 without dependence on the phase."""
         inside = (self.low <= s) & (s <= self.high)
         return float((self.high - self.low)[inside].min(initial=1.0)) or 1.0

@@ -25,7 +25,7 @@ _MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
 def least_over_phases(signal: Signal) -> Minima:
-    """The least value of every entry of an array of the phase, and the phase at which it is taken.
+    """The smallest value of every entry of an array over the phase, and the phase of the minimum.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def expected_low(before: Array, here: Array, after: Array) -> Array:
 
 
 def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
-    """Minima of functions between two phases each, in step.
+    """Minima of functions between two phases each, iterated together.
 
     Parameters
     ----------

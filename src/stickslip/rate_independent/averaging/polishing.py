@@ -65,8 +65,8 @@ class HeldForce:
         return replace(self, motions=motions)
 
     def merged(self, within: float) -> HeldForce:
-        """With phases that are closer than that to the next one made one: a double root would stop
-        Newton's method."""
+        """The force with phases merged that are closer than a distance, since Newton's method fails
+        at double roots."""
         order = np.argsort(self.phases)
         phases, motions = self.phases[order], self.motions[order]
         pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > within) + 1)
@@ -155,7 +155,7 @@ def refined(
 
 
 def _jacobian(curvature: Array, changes: Array) -> Array:
-    """Derivatives of the equations, from those of where contacts touch: (k, unknown, result)."""
+    """Derivatives of the equations, from those of the contact points: (k, unknown, result)."""
     n, k = len(curvature), len(changes)
     jacobian = np.zeros((n + k * (n + 1), n + k * (n + 1)))
     jacobian[:n, :n] = curvature

@@ -109,7 +109,7 @@ class Intersection(Average):
         return self._resisting(self.vector(v, "v")).xi
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """The measure v(s), with the duality gap that was reached.
+        """The measure v(s), with its duality gap.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Intersection(Average):
         )
 
     def _exchange(self, held: HeldForce, c: Array, Q: Array | None, rule: float) -> HeldForce:
-        """The ξ with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩ and a duality gap below `rule`."""
+        """The ξ that minimises ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, with a duality gap below `rule`."""
         held = self._judged(held)
         constraints = [self._constraint(s, held.xi) for s in held.phases]
         least, value = np.inf, np.inf
@@ -307,8 +307,8 @@ class Intersection(Average):
         return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
     def _ahead(self, xi: Array, Q: Array) -> HeldForce:
-        """A start for the point nearest to ξ, from the last two that were found: steps of an
-        evolution are close."""
+        """A start for the point nearest to ξ, from the last two points, since steps of an evolution
+        are close."""
         last, before = self._forces[-1], self._forces[0]
         near = (
             last.phases.shape == before.phases.shape
@@ -325,7 +325,7 @@ class Intersection(Average):
         return HeldForce(point, phases, motions).balanced(Q @ xi, Q).merged(_SAME)
 
     def _at_once(self, xi: Array, Q: Array, s: float) -> HeldForce:
-        """The point nearest to ξ if all moves at one phase."""
+        """The point nearest to ξ if all motion is at one phase."""
         y = self.source.project(xi, s, Q)
         return HeldForce(y, np.array([s]), (Q @ (xi - y))[None])
 
@@ -363,7 +363,7 @@ class Intersection(Average):
         return HeldForce(xi * self.size, phases, motions).balanced(c, Q)
 
     def _exchanged(self, constraints: list[Constraint], *found: HeldForce) -> list[Constraint]:
-        """The constraints that hold a force, those that it violates, and given others."""
+        """Active constraints of a force, violated ones, and given others."""
         forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
         if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
             constraints = [(s, form) for s, form in constraints if s not in forces]

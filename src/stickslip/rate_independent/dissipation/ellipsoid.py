@@ -204,7 +204,7 @@ class SampledEllipsoid(RowWise, AtPhases):
 
     @cached_property
     def kept(self) -> Array:
-        """Squares, without those that are rounding."""
+        """Squared lengths, without rounding errors."""
         return np.where(self.squares > self.floor[:, None], self.squares, 0.0)
 
     @cached_property
@@ -258,7 +258,7 @@ class SampledEllipsoid(RowWise, AtPhases):
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfEllipsoids(RowWise, Stretches[SampledEllipsoid]):
-    """Ellipsoids on stretches of phases.
+    """Ellipsoids on phase intervals.
 
     Attributes
     ----------

@@ -212,7 +212,7 @@ class FormulaSets(Dissipation):
         return y, None
 
     def near(self, xi: Array, s: float, start: Array | None = None) -> Nearby:
-        """A point of K(s) that is as close to ξ, shape (n,), as any.
+        """The point of K(s) nearest to ξ, shape (n,).
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class FormulaSets(Dissipation):
         return Nearby(self._search.on_face(found, self._others(s)), np.nan, start)
 
     def _inside(self, xi: Array, s: float, start: Array | None) -> Nearby | None:
-        """The point itself, if it is seen to lie in K(s) up to rounding."""
+        """The point itself, if it is in K(s) up to rounding."""
         ray = self._on_ray(xi, s, start)
         if ray is None:
             return None
@@ -356,7 +356,7 @@ class SampledFormula(OneByOne):
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfFormulas(RowWise, Stretches[OneByOne]):
-    """A formula on stretches of phases.
+    """A formula on phase intervals.
 
     Attributes
     ----------

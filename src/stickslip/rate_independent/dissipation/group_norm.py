@@ -157,7 +157,7 @@ class AveragedGroupNorm(Average, GroupNorm):
 
     @property
     def phases(self) -> Array:
-        """When each group moves, shape (groups,)."""
+        """Phases at which the groups move, shape (groups,)."""
         return self.least.phases
 
     @property
@@ -213,7 +213,8 @@ class SampledBalls(RowWise, AtPhases):
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfBalls(RowWise, Stretches[SampledBalls]):
-    """Balls on stretches of phases, and how far their radii may be from straight lines."""
+    """Balls on phase intervals, with bounds of the deviations of their radii from straight
+    lines."""
 
     start: SampledBalls
     end: SampledBalls

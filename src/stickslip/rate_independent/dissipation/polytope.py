@@ -240,7 +240,7 @@ class Polytope(Dissipation, kind="polytope"):
         return self._intersected(0.0)
 
     def _intersected(self, s: float) -> Array | None:
-        """Vertices of half-spaces around 0; None where they are too many or too close to 0."""
+        """Vertices of half-spaces around 0; None if they are too many or too close to 0."""
         if not 2 <= self.dimension <= QHULL_UP_TO:
             return None
         from scipy.spatial import HalfspaceIntersection
@@ -309,7 +309,7 @@ class AveragedPolytope(Average, Polytope):
 
     @property
     def phases(self) -> Array:
-        """When each face comes closest to 0, shape (m,)."""
+        """Phases at which the faces are closest to 0, shape (m,)."""
         return self.least.phases
 
     @property
@@ -328,7 +328,7 @@ class AveragedPolytope(Average, Polytope):
         return ClosedForm([words], {"normals": normals, "offsets": offsets})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """Each face pushes along its normal at the phase at which it is closest."""
+        """Motion along the normal of each face, at the phase at which it is closest to 0."""
         v = self.vector(V, "V")
         normals, offsets = self.halfspaces_at()
         size = float(offsets.max()) or 1.0

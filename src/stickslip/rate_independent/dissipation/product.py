@@ -212,7 +212,7 @@ class SampledProduct(RowWise, AtPhases):
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfProducts(RowWise, Stretches[SampledProduct]):
-    """A product on stretches of phases."""
+    """A product on phase intervals."""
 
     parts: list[slice]
     start: SampledProduct

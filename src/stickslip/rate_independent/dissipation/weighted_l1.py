@@ -166,12 +166,12 @@ class AveragedWeightedL1(Average, WeightedL1):
 
     @property
     def upper_phases(self) -> Array:
-        """When component i moves up, shape (n,)."""
+        """Phases at which the components move up, shape (n,)."""
         return self.least_above.phases
 
     @property
     def lower_phases(self) -> Array:
-        """When component i moves down, shape (n,)."""
+        """Phases at which the components move down, shape (n,)."""
         return self.least_below.phases
 
     @property
@@ -228,7 +228,8 @@ class SampledBoxes(RowWise, AtPhases):
 
 @dataclass(frozen=True, eq=False)
 class StretchesOfBoxes(RowWise, Stretches[SampledBoxes]):
-    """Boxes on stretches of phases, and how far their faces may be from straight lines."""
+    """Boxes on phase intervals, with bounds of the deviations of their faces from straight
+    lines."""
 
     start: SampledBoxes
     end: SampledBoxes

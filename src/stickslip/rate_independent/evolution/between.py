@@ -56,8 +56,8 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
 
 
 def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
-    """The steps, cut where a table has a knot or a period begins: starts, ends, and the steps they
-    belong to."""
+    """The steps, divided at knots of tables and starts of periods: starts, ends, and step
+    numbers."""
     cuts = problem.ell.knots
     if problem.dissipation.depends_on_phase:
         first, last = np.ceil(times[0] / problem.epsilon), np.floor(times[-1] / problem.epsilon)

@@ -411,7 +411,8 @@ class Dissipation(ABC):
 
 @dataclass(frozen=True, eq=False)
 class OptimalMotion:
-    """A measure v(s) that attains the infimum of [M] (2.3): which phases do the moving.
+    """A measure v(s) that attains the infimum of [M] (2.3): the distribution of the motion over
+    phases.
 
     Attributes
     ----------
@@ -440,7 +441,7 @@ class OptimalMotion:
 
 
 class ClosedForm(NamedTuple):
-    """An average that is known by numbers.
+    """An average in closed form.
 
     Attributes
     ----------
@@ -476,12 +477,12 @@ class Average(Dissipation):
 
     @abstractmethod
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """The measure v(s) of [M] (2.3) that moves by V, shape (n,), at the least cost."""
+        """The measure v(s) of [M] (2.3) with the displacement V, shape (n,), of minimum cost."""
 
     @property
     @abstractmethod
     def samples(self) -> int:
-        """Number of phases that were looked at; 0 if all phases are covered by bounds."""
+        """Number of examined phases; 0 if all phases are covered by bounds."""
 
     @property
     def bounded(self) -> bool:

@@ -129,7 +129,7 @@ class Signal(ABC):
         return self.unwrapped(self.clock.wrapped(places))
 
     def unwrapped(self, places: Array) -> Array:
-        """The same without reduction of phases modulo 1, such as 1 at the end of a period."""
+        """Values without reduction of phases modulo 1, such as 1 at the end of a period."""
         rows = [self.value(u) for u in places.tolist()]
         return np.array(rows).reshape(len(places), *self.shape)
 

@@ -128,7 +128,7 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
 
 
 def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Array]:
-    """Points one after the other, each from where the one before has come to."""
+    """Compute points sequentially, each from the final state of the previous one."""
     from stickslip.sweeps.work.carried_state import CarriedState, resumed_state
     from stickslip.sweeps.work.carrying import passed_on, stored_of
 
@@ -161,7 +161,7 @@ def _side_by_side(
     columns: Mapping[str, Array],
     begun: tuple[float, Array] | None = None,
 ) -> dict[str, Array]:
-    """Points by themselves; with `begun`, one that begins at that time in that state."""
+    """Compute independent points; with `begun`, a single one that starts at that time and state."""
     from stickslip.sweeps.work.chunk import measure_chunk
 
     system, measures = _prepared(work)
@@ -220,7 +220,7 @@ def _by_function(
     work: Work,
     start: float,
 ) -> tuple[Array, Array]:
-    """A function of the whole motion, point by point, and why it is missing.
+    """A function of the complete motion, point by point, with the reasons for missing values.
 
     Parameters
     ----------
