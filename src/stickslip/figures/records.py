@@ -1,5 +1,5 @@
-"""Pictures of maps over records: a thin line for each record, their median, and the range from 16 %
-to 84 %, which corresponds to a standard deviation."""
+"""Plots of maps over records: a thin line for each record, their median, and the range from 16 % to
+84 %, which corresponds to a standard deviation."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def plot_records(
 
 
 def _along(data: xarray.Dataset) -> str | None:
-    """Horizontal axis of the lines: the scale, or else the longest axis."""
+    """Horizontal axis of the lines: the scale, otherwise the longest axis."""
     known = [str(d) for d in data["outcome"].dims if d != record_axis(data) and d in data.coords]
     if SCALE in known:
         return SCALE

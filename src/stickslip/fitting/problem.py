@@ -301,12 +301,12 @@ class FitProblem:
 
     @property
     def _concentrated(self) -> list[int]:
-        """Columns of whose noise the likeliest size is taken."""
+        """Columns whose noise is estimated by maximum likelihood."""
         return self.estimated if self.loss == "linear" else []
 
     @property
     def _known(self) -> Array:
-        """Data whose noise counts as known."""
+        """Data with known noise."""
         return ~np.isin(self.groups, self._concentrated)
 
     # -- other problems ----------------------------------------------------------------------------
@@ -523,7 +523,7 @@ def suffix_of(r: int) -> str:
 
 
 def table_columns(recording: Recording, r: int) -> dict[str, Any]:
-    """The columns of a recording as they came, so that a stored fit has its data."""
+    """The original columns of a recording, which a stored fit includes."""
     names = [str(c) for c in recording.table.columns]
     found = {}
     for name in names:

@@ -45,7 +45,7 @@ def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
 
 
 def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
-    """The motion that a page shows.
+    """The motion of a page.
 
     Raises
     ------

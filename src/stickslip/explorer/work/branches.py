@@ -23,7 +23,7 @@ _EVERY = 0.04  # seconds between two messages with new points
 
 
 def follow_branches(request: Request, patience: Patience) -> Iterator[Answer]:
-    """Follow one branch after the other; a missing one is reported."""
+    """Follow the branches sequentially; a missing one is reported."""
     parameter = request.text("over")
     system, numbers = system_of(request.setting)
     system.declaration.check_range(parameter, values_of(system, numbers).get(parameter, 0.0))

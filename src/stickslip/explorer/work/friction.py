@@ -1,8 +1,8 @@
 """Effective friction: the stable set K(t) of forces along a motion, and its average.
 
 Friction that oscillates fast is, in the limit, that of the set of all forces that hold at every
-phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. The
-phases at whose edges it touches do the moving.
+phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. Motion
+occurs at the phases whose boundaries the intersection touches.
 """
 
 from __future__ import annotations

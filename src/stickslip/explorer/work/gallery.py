@@ -1,4 +1,4 @@
-"""Pictures of the catalogue, one for each system."""
+"""Figures of the catalogue, one for each system."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ TASKS = {
 
 
 class NoLongerWanted(Exception):
-    """Nobody waits for the answer any more."""
+    """The answer is no longer needed."""
 
 
 class Patience:
@@ -73,7 +73,7 @@ class Patience:
             raise NoLongerWanted
 
     def progress(self, head: Mapping[str, object]) -> None:
-        """Say how far a long answer is.
+        """Report the progress of a long answer.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Patience:
         self.tell(Answer(head))
 
     def pause(self, seconds: float) -> None:
-        """Wait whether a newer question comes, which then comes first.
+        """Wait briefly for a newer question, which takes precedence.
 
         Raises
         ------
@@ -157,7 +157,7 @@ def limit_memory() -> None:
 
 
 def _listen(source: IO[bytes], questions: queue.SimpleQueue[Any], patience: Patience) -> None:
-    """Take questions from the pipe; None means that the last one is no longer of interest."""
+    """Read questions from the pipe; None cancels the last one."""
     try:
         while True:
             said = receive_frame(source)

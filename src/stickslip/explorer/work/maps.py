@@ -103,7 +103,7 @@ def offer_measures(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def _command(request: Request, axes: list[tuple[str, float, float]], measure: str) -> str:
-    """The same as a command, finer."""
+    """The command of the same map with a finer grid."""
     words = ["stickslip", "sweep", model_of(request.setting)]
     over = {name for name, _, _ in axes}
     for name, value in request.setting.values.items():

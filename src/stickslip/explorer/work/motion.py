@@ -106,7 +106,7 @@ def lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...])
 
 
 def unit_of(system: System, name: str) -> str:
-    """The unit of a quantity, as it is printed."""
+    """The unit of a quantity, in printed form."""
     return unicode_unit(quantity(system, name).get("units", ""))
 
 
@@ -150,8 +150,8 @@ def force_lines(parts: tuple[str, ...], part: str) -> list[str]:
 
 
 def stick_phases(motion: Trajectory) -> dict[str, Array]:
-    """Begins and ends of the stick phases of each contact, and of those in which all stick, exactly
-    as they were found; and all switches."""
+    """Exact starts and ends of the stick phases of each contact, and of those in which all stick;
+    and all switches."""
     knots = motion.knots.time
     found: dict[str, Array] = {}
     every = np.ones(len(knots), bool)
@@ -168,7 +168,7 @@ def stick_phases(motion: Trajectory) -> dict[str, Array]:
 
 
 def _runs(knots: Array, holds: Array) -> Array:
-    """Begins and ends of the times in which something holds from knots on, flattened."""
+    """Starts and ends of the intervals in which a condition on knots holds, flattened."""
     padded = np.concatenate([[False], holds[:-1], [False]]).astype(np.int8)
     edges = np.flatnonzero(np.diff(padded))
     return knots[edges]
