@@ -228,7 +228,7 @@ class _Overview:
     def squares(self) -> list[Callable[[Axes], None]]:
         """Panels at the right: paths and forces in planes, or phase planes."""
         if not self.in_plane:
-            return [self.plane(*plane, curve) for plane, curve in self.telling()]
+            return [self.plane(*plane, curve) for plane, curve in self.recurrent()]
         curves = self.plane_curves
         paths = [partial(curves.draw_path, plane=plane) for plane in curves.paths()]
         forces = [partial(curves.draw_force, plane=plane) for plane in curves.planes]
@@ -529,7 +529,7 @@ class _Overview:
             if self.shown.issuperset(x.removeprefix("d_") for x in (*across, *up))
         ]
 
-    def telling(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
+    def recurrent(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
         """The planes whose variables recur; a plane of a monotone variable would repeat its time
         trace."""
         for plane, curve in zip(self.planes(), self.curves, strict=True):

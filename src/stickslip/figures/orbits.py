@@ -298,11 +298,11 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
             axes.plot(*(v[part] for v in drawn), linestyle=style, **kind)
     for point in without_knots(branch.special):
         style = markers[point.kind]
-        for height in _heights(branch, point, name):
+        for height in _mark_positions(branch, point, name):
             axes.plot(point.value, height, **style, zorder=3)
 
 
-def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
+def _mark_positions(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
     """Positions of the marks of a special point: the extremes of a cycle, or a single value."""
     if name not in point.state:
         return [float(branch.points[name].values[point.index])]

@@ -154,13 +154,13 @@ def _lines(
         marks.append(Line2D([], [], mec=VERMILION, label="not certified", **hollow))
     if data[along].attrs.get("spacing") == "log":
         axes.set_xscale("log")
-    _leave_out(axes, min(ends), max(ends))
+    _clip_outliers(axes, min(ends), max(ends))
     axes.set_xlabel(axis_text(data, [str(along)]))
     axes.set_ylabel(measure_label(data, name, 26))
     legend_above(axes, marks)
 
 
-def _leave_out(axes: Axes, low: float, high: float) -> None:
+def _clip_outliers(axes: Axes, low: float, high: float) -> None:
     """Clip lines of outliers that would take most of the figure."""
     bottom, top = axes.get_ylim()
     if high > low and top - bottom > _FAR * (high - low):

@@ -27,7 +27,7 @@ _LATER = 1.25  # part of the time of the last event up to which later ones of a 
 Noise = float | str
 
 
-class GivenUp(Exception):
+class Unusable(Exception):
     """A motion that cannot be compared with the data: it stopped, or takes too long."""
 
 
@@ -114,7 +114,7 @@ class MeasuredRecord:
 
         Raises
         ------
-        GivenUp
+        Unusable
             With the reason.
         """
         given = {**parameters, **self.recording.parameters}
@@ -124,7 +124,7 @@ class MeasuredRecord:
             nonlocal pieces
             pieces += 1
             if pieces > _LONGEST:
-                raise GivenUp(f"the motion takes more than {4096 * _LONGEST:,} steps")
+                raise Unusable(f"the motion takes more than {4096 * _LONGEST:,} steps")
 
         try:
             start = self.start(given, free)
@@ -132,11 +132,11 @@ class MeasuredRecord:
                 self.system, self.span, initial=start, parameters=given, rtol=rtol, progress=count
             )
         except DeclarationError as error:
-            raise GivenUp(str(error)) from None
+            raise Unusable(str(error)) from None
         if motion.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt
         if not motion.outcome.ok:
-            raise GivenUp(f"{motion.outcome.label} at t = {motion.knots.time[-1]:.6g}")
+            raise Unusable(f"{motion.outcome.label} at t = {motion.knots.time[-1]:.6g}")
         return motion
 
     def of_motion(
@@ -154,7 +154,7 @@ class MeasuredRecord:
 
         Raises
         ------
-        GivenUp
+        Unusable
             If it has fewer events than were recorded.
         """
         formulas = [c.formula for c in self.columns]
@@ -165,7 +165,7 @@ class MeasuredRecord:
             )
         found = events_of(motion, *self.recording.happening)
         if len(found) < len(self.times):
-            raise GivenUp(
+            raise Unusable(
                 f"the motion has {len(found)} events '{self.recording.events}', but the "
                 f"recording has {len(self.times)}"
             )

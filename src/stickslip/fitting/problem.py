@@ -13,7 +13,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
-from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
+from stickslip.fitting.measured import Column, MeasuredRecord, Noise, Unusable, read_recording
 from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
 from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
 from stickslip.kept import cached_property
@@ -258,10 +258,10 @@ class FitProblem:
                 motion = m.move(parameters, free, self.rtol)
                 values = m.flat(m.of_motion(motion).values)
                 if not np.all(np.isfinite(values)):
-                    raise GivenUp("a measured quantity is not a finite number")
+                    raise Unusable("a measured quantity is not a finite number")
                 motions.append(motion)
                 parts.append(values)
-        except GivenUp as reason:
+        except Unusable as reason:
             return Evaluated(tuple(motions), np.zeros(0), str(reason))
         return Evaluated(tuple(motions), np.concatenate(parts), "")
 

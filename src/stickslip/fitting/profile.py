@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.fitting.search import begun_at, polished
+from stickslip.fitting.search import polished, started_at
 
 if TYPE_CHECKING:
     import xarray
@@ -119,7 +119,7 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
 def _moved_to(fit: Fit, j: int, value: float, p: Array) -> Array:
     """All unknowns, with the likelihood maximised over the others."""
     others = np.delete(p, j)
-    held = begun_at(fit.problem.held(j, value), others)
+    held = started_at(fit.problem.held(j, value), others)
     end = polished(held, others)
     return np.insert(others if end.reason else end.p, j, value)
 

@@ -98,7 +98,7 @@ def minimise(
         _look(found, show)
     except KeyboardInterrupt:
         found.interrupted = True
-        _settle_for_less(found)
+        _best_so_far(found)
     return found
 
 
@@ -191,7 +191,7 @@ def cost_of(problem: FitProblem, p: Array) -> float:
     return 0.5 * float(np.sum(LOSSES[problem.loss](r**2)[0])) if np.all(np.isfinite(r)) else np.inf
 
 
-def _settle_for_less(found: Search) -> None:
+def _best_so_far(found: Search) -> None:
     """Result of an interrupted search: the best values so far."""
     if found.minima or math.isfinite(found.best.cost):
         return
@@ -342,7 +342,7 @@ def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
         )
 
 
-def begun_at(problem: FitProblem, p: Array) -> FitProblem:
+def started_at(problem: FitProblem, p: Array) -> FitProblem:
     """The problem started from the minimum of another one."""
     unknowns = tuple(replace(u, start=float(x)) for u, x in zip(problem.unknowns, p, strict=True))
     return replace(problem, unknowns=unknowns)

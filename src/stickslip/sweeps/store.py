@@ -175,7 +175,7 @@ class MapStore:
             self.outcome[...] = table
 
     def _write(self, name: str, region: Slices, block: Array | int) -> None:
-        self._check_there()
+        self._check_exists()
         try:
             self.arrays[name][region] = block
         except OSError as error:
@@ -186,7 +186,7 @@ class MapStore:
                 "again to resume"
             ) from None
 
-    def _check_there(self) -> None:
+    def _check_exists(self) -> None:
         """Raise an error if the store has been removed, instead of writing an incomplete one."""
         if self.path is not None and not damage.is_there(self.path):
             raise StickslipError(
@@ -203,7 +203,7 @@ class MapStore:
         """
         import xarray as xr
 
-        self._check_there()
+        self._check_exists()
         return _plain(xr.open_zarr(self.group.store, chunks=None, consolidated=True))
 
 
@@ -461,14 +461,14 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
                 " Refine it, such as from n to 2n - 1 points"
             )
         if plan.carry is not None and plan.carry.axis == k:
-            _check_goes_on(plan.carry, found, len(new), path)
+            _check_order(plan.carry, found, len(new), path)
         values = new.values.copy()
         values[:, found] = old.values
         axes.append(replace(new, values=values))
     return replace(plan, axes=tuple(axes))
 
 
-def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
+def _check_order(carry: Carry, found: Array, count: int, path: Path) -> None:
     """Reject new values on a line before the old ones, since these would then start from other
     states.
 

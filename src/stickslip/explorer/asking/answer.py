@@ -41,7 +41,7 @@ class Compiling:
 
 
 @dataclass(frozen=True)
-class Told:
+class WorkerMessage:
     """Message of a worker on a question: a part of the answer, or its end."""
 
     serial: int

@@ -21,7 +21,7 @@ from stickslip.explorer.asking.answer import (
     Answer,
     Compiling,
     Ready,
-    Told,
+    WorkerMessage,
     receive_frame,
     refusal,
     send_frame,
@@ -231,7 +231,7 @@ class WorkerPool:
                 self._prepare(worker)
             case Compiling():
                 self._compiles(worker)
-            case Told(answer=answer, final=final) if worker.job is not None:
+            case WorkerMessage(answer=answer, final=final) if worker.job is not None:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
                 if final:

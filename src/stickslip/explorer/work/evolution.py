@@ -23,7 +23,7 @@ from stickslip.explorer.subject.systems import check_no_files
 from stickslip.explorer.work.model import parameter_rows
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.rate_independent.evolution.evolution import Evolution
     from stickslip.rate_independent.evolution.history import History
     from stickslip.rate_independent.evolution.model import EvolutionModel
@@ -37,7 +37,7 @@ _SETS = 12  # of these that are drawn in the plane
 _RAYS = 360  # points of a boundary
 
 
-def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
+def follow_evolution(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """The declaration with its sets; then the averaged motion; then the motion itself.
 
     Raises
@@ -65,7 +65,7 @@ def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
     for averaged in (True, False) if model.is_evolution else ():
         part = "averaged" if averaged else "resolved"
         try:
-            found = evolved(model, averaged, patience.check)
+            found = evolved(model, averaged, cancellation.check)
         except StickslipError as error:
             yield Answer({"part": part, "reason": str(error)})
             continue

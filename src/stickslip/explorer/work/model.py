@@ -21,14 +21,14 @@ from stickslip.model.system import Parameter, System
 from stickslip.symbolic.formulas import parse_signature
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
 
 _DIVISIONS = 200  # of a slider
 _MOST_UNKNOWNS = 8  # of a structure, with places and rates to start from
 _GRAPH = 81  # points of the small graph of a function
 
 
-def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
+def describe_model(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Description of a model for a page."""
     system, numbers = system_of(request.setting)
     graphs, arrays = _graphs(system, values_of(system, numbers))

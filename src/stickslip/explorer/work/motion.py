@@ -21,7 +21,7 @@ from stickslip.explorer.subject.systems import shown_motion
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.model.system import System
     from stickslip.motion.trajectory import Trajectory
 
@@ -30,12 +30,12 @@ _SOON = 0.04  # seconds in which a newer motion may be asked for before this one
 _STICKS = 0
 
 
-def move(request: Request, patience: Patience) -> Iterator[Answer]:
+def move(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """The motion of a page; then, unless there is a newer request, its certificate."""
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     yield _seen(motion, _window(request, motion))
     if request.options.get("window") is None:
-        patience.pause(_SOON)
+        cancellation.pause(_SOON)
         yield Answer(verdict(motion))
 
 

@@ -33,7 +33,7 @@ from stickslip.orbits.branches.chart import (
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
-from stickslip.orbits.branches.halving import doubles_at, half_gap
+from stickslip.orbits.branches.halving import doubling_near, half_gap
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
     Happening,
@@ -443,7 +443,7 @@ class _Follower:
         def at(closed: Closed, value: float) -> Closed:
             return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
-        found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
+        found = doubling_near(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes a cycle of half its period"
         left = [("change by the next term of the extrapolation", known)]
         what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))

@@ -29,7 +29,12 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
-from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
+from stickslip.orbits.return_map.families import (
+    Family,
+    check_isolated,
+    family_of,
+    neighbouring_members,
+)
 from stickslip.orbits.return_map.following import NoReturn, follow_freely
 from stickslip.orbits.return_map.recurrence import (
     Recurrence,
@@ -147,7 +152,7 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
     try:
         closed = converge(shooting, x)
     except NotClosed as failure:
-        members = members_beside(failure)
+        members = neighbouring_members(failure)
         if members and all(_elsewhere(member, shooting, x) == "" for member in members):
             raise family_of(members) from None
         raise

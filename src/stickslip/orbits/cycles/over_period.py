@@ -106,7 +106,7 @@ def extrema(motion: Trajectory, formulas: Mapping[str, Expr] | None = None) -> E
         return {}
     times, index = _samples(motion, steps)
     smooth = _where_rates_vanish(motion, forms, times, index) if forms else {}
-    return smooth | (_closed_in_on(motion, others, times, index) if others else {})
+    return smooth | (_bracketed(motion, others, times, index) if others else {})
 
 
 def _samples(motion: Trajectory, steps: Array) -> tuple[Array, Array]:
@@ -162,7 +162,7 @@ def _where_rates_vanish(
     return dict(zip(forms, ends, strict=True))
 
 
-def _closed_in_on(
+def _bracketed(
     motion: Trajectory, formulas: Mapping[str, Expr], times: Array, index: Array
 ) -> Extremes:
     """Extremes of any formulas: at samples, and in the neighbourhoods of samples that may contain

@@ -98,7 +98,7 @@ class MovingFrame:
         names = self.equations.declaration.state
         return np.array([float(moved.get(name, 0.0)) for name in names])
 
-    def seen_from(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
+    def in_moving_frame(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
         """Formulas in the frame, with a name for each nonzero velocity."""
         moved = {
             x: ex.sym(x) + ex.sym(_name(x)) * ex.sym("t")
@@ -268,7 +268,7 @@ def _clock(
             )
     multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
     quarters = {e: int(4 * r * multiple) for e, r in ratios.items()}
-    parts = _parts(frame.seen_from(frame.formulas, velocity), quarters)
+    parts = _parts(frame.in_moving_frame(frame.formulas, velocity), quarters)
     return Clock(frame, first, multiple, parts, len(moving) == 1)
 
 
@@ -277,7 +277,7 @@ def _moving(frame: MovingFrame, velocity: Array, every: Mapping[str, float]) -> 
     if some do."""
     known = every.keys()
     numbers = dict.fromkeys(frame.zero, ex.ZERO)
-    plain = frame.seen_from(frame.equations.formulas, velocity)
+    plain = frame.in_moving_frame(frame.equations.formulas, velocity)
     rates: dict[Expr, float] = {}
     still = plain is frame.equations.formulas
     for e in frame.equations.frequencies if still else _frequencies(plain):

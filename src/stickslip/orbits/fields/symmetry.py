@@ -75,7 +75,7 @@ class Symmetry:
         parts = np.linalg.lstsq(every, shift / sizes, rcond=None)[0]
         return np.rint(parts[: self.cells.shape[1]])
 
-    def at_home(self, differences: Array, sizes: Array) -> Array:
+    def in_frame(self, differences: Array, sizes: Array) -> Array:
         """Differences of states without whole cells, shape (…, n)."""
         if not self.cells.shape[1]:
             return differences

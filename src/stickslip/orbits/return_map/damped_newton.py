@@ -337,7 +337,7 @@ class Closed:
         setting = self.shooting.setting
         shift, time = carried_along(setting, self.orbit.problem, time)
         points = self.samples(256) if setting.symmetry.frame is not None else self._strobed(time)
-        gap = setting.symmetry.at_home(points - (state - shift), setting.sizes) / setting.sizes
+        gap = setting.symmetry.in_frame(points - (state - shift), setting.sizes) / setting.sizes
         N = setting.symmetry.shifts / setting.sizes[:, None]
         gap = gap - (gap @ N) @ np.linalg.pinv(N) if N.shape[1] else gap
         return float(np.min(np.linalg.norm(gap, axis=1)))

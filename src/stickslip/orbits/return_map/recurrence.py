@@ -88,7 +88,7 @@ class Window:
         """Of the drives."""
         return self.clock.period(self.trajectory.parameters) if self.clock else None
 
-    def at_home(self, states: Array, times: Array | float) -> Array:
+    def in_frame(self, states: Array, times: Array | float) -> Array:
         """States in the frame of the system, without translations, in units of their sizes; shape
         (…, n)."""
         e = self.symmetry.frame
@@ -100,8 +100,8 @@ class Window:
         """Differences of states, with those of their times, also without whole cells."""
         e = self.symmetry.frame
         along = differences if e is None else differences - np.multiply.outer(times, e)
-        home = self.symmetry.at_home(along, self.sizes)
-        return self.at_home(home if e is None else home + np.multiply.outer(times, e), times)
+        home = self.symmetry.in_frame(along, self.sizes)
+        return self.in_frame(home if e is None else home + np.multiply.outer(times, e), times)
 
     def carried(self, states: Array, times: Array) -> Array:
         """States without the displacement by a moving load; shape (…, n)."""
@@ -113,7 +113,7 @@ class Window:
     def extent(self, modulus: Array) -> float:
         """Largest range of a component relative to a modulus: 0 if there is no motion except along
         translations."""
-        home = self.at_home(self.carried(self.states, self.times), self.times)
+        home = self.in_frame(self.carried(self.states, self.times), self.times)
         return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
@@ -202,7 +202,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     for own in modes:
         # A mode that symmetry keeps at rest moves by the rounding errors of the others.
         sizes[own] = np.maximum(sizes[own], _MODE * np.max(sizes[own]))
-    like = as_felt(sizes, felt, modes)
+    like = equivalent_sizes(sizes, felt, modes)
     otherwise = np.where(modulus > 0.0, 1e-3 * modulus, 1e-3)
     return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
 
@@ -218,7 +218,7 @@ def modes_of_structures(motion: Trajectory) -> list[slice]:
     ]
 
 
-def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
+def equivalent_sizes(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
     """Change of each component with the same effect on some rate or guard as the others; infinite
     if there is no effect.
 
@@ -347,7 +347,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
                 between[:] = True
             passed = w.times[between]
             size = (
-                np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
+                np.max(np.ptp(w.in_frame(w.carried(w.states[between], passed), passed), axis=0))
                 / 2.0
             )
             distance = float(ratio(miss, size))
@@ -384,7 +384,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     # A step may be shorter than the distance of two samples; any in its mode has its field.
     piece = w.surroundings.pieces[int(np.flatnonzero(same)[0])]
     p = np.array([w.trajectory.parameters[name] for name in w.trajectory.system.parameters])
-    normal = w.at_home(piece.rates(t, y, p), 1.0)
+    normal = w.in_frame(piece.rates(t, y, p), 1.0)
 
     def height(states: Array, times: Array) -> Array:
         return w.apart(states - y, times - t) @ normal

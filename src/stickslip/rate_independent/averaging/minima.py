@@ -130,7 +130,9 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     return np.where(first, at_left, at_right), np.where(first, left, right)
 
 
-def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tuple[Array, Array]:
+def refined_maxima(
+    phases: Array, values: Array, f: Callable[[Array], Array]
+) -> tuple[Array, Array]:
     """Maxima of functions near the middle of three phases each, by parabolas, and by sections where
     there is a kink.
 

@@ -18,14 +18,14 @@ from stickslip.kept import cached_property
 from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.newton import Normal, NormalSearch
-from stickslip.rate_independent.sets.potential import Dissipation
-from stickslip.rate_independent.sets.projections import nearest_by_support
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     OneByOne,
+    PhaseIntervals,
     RowWise,
-    Stretches,
     lengths,
 )
+from stickslip.rate_independent.sets.potential import Dissipation
+from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import OF_PHASE, wrapped
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import slopes
@@ -169,10 +169,10 @@ class FormulaSets(Dissipation):
     def bounded(self) -> bool:
         return True
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         start, end = self.sampled(low), self.sampled(high)
         off = self._deviations(low, high) if self.depends_on_phase else np.zeros(len(low))
-        return StretchesOfFormulas(start, end, off)
+        return FormulasOnIntervals(start, end, off)
 
     def average(self, tolerance: float = 1e-8) -> Intersection:
         return Intersection(self, tolerance)
@@ -355,7 +355,7 @@ class SampledFormula(OneByOne):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfFormulas(RowWise, Stretches[OneByOne]):
+class FormulasOnIntervals(RowWise, PhaseIntervals[OneByOne]):
     """A formula on phase intervals.
 
     Attributes

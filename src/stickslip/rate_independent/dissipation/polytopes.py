@@ -11,12 +11,17 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
 from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
+from stickslip.rate_independent.sets.phase_intervals import (
+    AtPhases,
+    PhaseIntervals,
+    RowWise,
+    lengths,
+)
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
@@ -89,7 +94,7 @@ class SampledHalfspaces(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHalfspaces(RowWise, Stretches[SampledHalfspaces]):
+class HalfspacesOnIntervals(RowWise, PhaseIntervals[SampledHalfspaces]):
     """Half-spaces on phase intervals, with bounds of the deviations of normals and offsets from
     straight lines."""
 
@@ -215,7 +220,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHulls(RowWise, Stretches[SampledHulls]):
+class HullsOnIntervals(RowWise, PhaseIntervals[SampledHulls]):
     """Convex hulls on phase intervals, with bounds of the deviations of their points from straight
     lines."""
 

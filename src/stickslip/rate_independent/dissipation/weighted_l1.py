@@ -13,6 +13,7 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
+from stickslip.rate_independent.sets.phase_intervals import AtPhases, PhaseIntervals, RowWise
 from stickslip.rate_independent.sets.potential import (
     Average,
     ClosedForm,
@@ -21,7 +22,6 @@ from stickslip.rate_independent.sets.potential import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_box
 from stickslip.rate_independent.sets.stable_sets import Boxes
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
 from stickslip.rate_independent.sets.thresholds import (
     nonnegative,
     nonnegative_over,
@@ -133,11 +133,11 @@ class WeightedL1(Dissipation, kind="weighted l1"):
     def bounded(self) -> bool:
         return self.above.bounded and self.below.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         above = self.above.chord(low, high)
         below = above if self.below is self.above else self.below.chord(low, high)
         start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)
-        return StretchesOfBoxes(start, end, below.off, above.off)
+        return BoxesOnIntervals(start, end, below.off, above.off)
 
     def average(self, tolerance: float = 1e-8) -> AveragedWeightedL1:
         """Each weight is replaced by its minimum over the phase, to machine precision; `tolerance`
@@ -227,7 +227,7 @@ class SampledBoxes(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBoxes(RowWise, Stretches[SampledBoxes]):
+class BoxesOnIntervals(RowWise, PhaseIntervals[SampledBoxes]):
     """Boxes on phase intervals, with bounds of the deviations of their faces from straight
     lines."""
 

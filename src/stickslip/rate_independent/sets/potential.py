@@ -16,17 +16,17 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import COMPUTED_ZERO, LAST_DIGITS, ROUNDED_SUM, SYMMETRIC
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
-from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     NOWHERE_NEAR,
     AtPhases,
     Estimated,
     Fixed,
     Near,
     OneByOne,
-    Stretches,
+    PhaseIntervals,
 )
+from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
+from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
 from stickslip.rate_independent.signals.signal import Signal, finite
 from stickslip.results import listed
 
@@ -292,7 +292,7 @@ class Dissipation(ABC):
         phase."""
         return not self.depends_on_phase
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         """The potential on intervals of phases, shape (m,) each, within one period: 0 <= low <=
         high <= 1.
 

@@ -123,7 +123,7 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
     """
     if runs is not None:
         return _along(work, columns, runs)
-    found = _side_by_side(work, columns)
+    found = _independent_points(work, columns)
     return {name: found[name] for name in _stored(work)}
 
 
@@ -142,7 +142,7 @@ def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Ar
         own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
         own = {**system.values, **own}
         begun = None if handed is None else resumed_state(system, handed, own)
-        found[i] = _side_by_side(work, here, begun)
+        found[i] = _independent_points(work, here, begun)
         given = CarriedState(own, begun[0], handed.state) if begun and handed else None
         handed = left[i] = passed_on(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
@@ -156,7 +156,7 @@ def _stored(work: Work) -> list[str]:
     return [*map(variable, measures), *(f"{name}_missing" for name in own), *OWN]
 
 
-def _side_by_side(
+def _independent_points(
     work: Work,
     columns: Mapping[str, Array],
     begun: tuple[float, Array] | None = None,

@@ -64,9 +64,9 @@ from stickslip.orbits.settling.engine.lanes import (
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
 from stickslip.orbits.settling.engine.returns import (
-    bring_home,
     largest_component,
     norm,
+    remove_cells,
     remove_part,
     remove_shift,
 )
@@ -253,7 +253,7 @@ def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Arr
     since = lanes.clock[i, NOW] - station.clock[i, NOW]
     for r in range(len(out)):
         out[r] = lanes.y[i, r] - station.y[i, r] - m.frame[i, r] * since
-    bring_home(out, m, rules, i)
+    remove_cells(out, m, rules, i)
     put_into_units(out, m.size[i])
 
 

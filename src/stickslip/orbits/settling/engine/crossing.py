@@ -11,7 +11,7 @@ from stickslip.motion.steps.stiff import follow_mode as along
 from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.lanes import copy_lane, own_flow
 from stickslip.orbits.settling.engine.leaping import CARRIED_ON, GO_ON, consider
-from stickslip.orbits.settling.engine.returns import begin_again, bring_home, remember
+from stickslip.orbits.settling.engine.returns import begin_again, remember, remove_cells
 from stickslip.orbits.settling.engine.tables import (
     COUNT,
     EVENTLESS,
@@ -63,7 +63,7 @@ def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> f
     """
     for r in range(len(y)):
         work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
-    bring_home(work, m, rules, i)
+    remove_cells(work, m, rules, i)
     total = 0.0
     for r in range(len(y)):
         total += m.plane[i, 1, r] * work[r]

@@ -45,11 +45,11 @@ from stickslip.orbits.settling.engine.lanes import (
 from stickslip.orbits.settling.engine.marks import elapsed
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
-    bring_home,
     distinct_above,
     gap,
     grow,
     miss,
+    remove_cells,
 )
 from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
@@ -176,7 +176,7 @@ def measure(
     if m.outcome[i] == PERIODIC:
         for r in range(len(bench.gaps)):
             bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
-        bring_home(bench.gaps, m, rules, i)
+        remove_cells(bench.gaps, m, rules, i)
         audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
 
@@ -307,7 +307,7 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
     ends = bench.ends
     for r in range(len(y)):
         v[r] = y[r] - m.frame[i, r] * (t - start)
-    bring_home(v, m, rules, i)
+    remove_cells(v, m, rules, i)
     for r in range(len(y)):
         ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
 

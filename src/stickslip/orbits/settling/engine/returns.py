@@ -69,7 +69,7 @@ def remove_shift(v: Array, shifts: Array) -> None:
 
 
 @compiled()
-def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
+def remove_cells(v: Array, m: Marks, rules: Rules, i: int) -> None:
     """Subtract translations and whole cells from a difference of states, or from a state.
 
     Parameters
@@ -104,7 +104,7 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
     """
     for r in range(len(y)):
         out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
-    bring_home(out, m, rules, i)
+    remove_cells(out, m, rules, i)
 
 
 @compiled()
@@ -133,7 +133,7 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
         return
     for r in range(len(y)):
         work[r] = y[r] - m.frame[i, r] * (t - rules.real[0])
-    bring_home(work, m, rules, i)
+    remove_cells(work, m, rules, i)
     for r in range(len(y)):
         m.size[i, r] = max(m.size[i, r], abs(work[r]))
 
@@ -204,7 +204,7 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
 
 
 @compiled()
-def likeliest_lag(m: Marks, i: int, longest: int) -> int:
+def best_lag(m: Marks, i: int, longest: int) -> int:
     """The smallest lag for which the largest number of consecutive last marks has repeated its
     kinds; 0 if the last mark has not. (The smallest lag of the last mark alone fails if a kind
     occurs twice in a cycle.)"""
@@ -223,7 +223,7 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
 
 
 @compiled()
-def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
+def compare_with_lag(m: Marks, rules: Rules, i: int, work: Array) -> float:
     """Distance of the last mark from the mark a lag before it; the lag is updated if necessary.
     Infinite if there is no such mark."""
     numbers = m.numbers[i]
@@ -231,7 +231,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     ring = m.time.shape[1]
     longest = min(numbers[COUNT] - 1, rules.most[3])
     if not (0 < numbers[LAG] <= longest and same_kind(m, i, numbers[LAG])):
-        begin_again(m, i, likeliest_lag(m, i, longest))
+        begin_again(m, i, best_lag(m, i, longest))
     lag = numbers[LAG]
     if lag == 0:
         return np.inf
@@ -247,7 +247,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 
 @compiled()
-def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
+def shorten_lag(m: Marks, rules: Rules, i: int, work: Array) -> None:
     """If returns have not decreased for some time, use the shortest lag whose return is nearly the
     closest."""
     numbers = m.numbers[i]
@@ -345,7 +345,7 @@ def extrapolate(
 
 
 @compiled()
-def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
+def equal_sequences(m: Marks, i: int, lag: int, most: int) -> int:
     """Number of consecutive marks, up to a maximum, with the same mode sequence as the mark a lag
     before."""
     here = m.numbers[i, COUNT] - 1
@@ -380,7 +380,7 @@ def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) ->
     ring = m.time.shape[1]
     n = work.shape[1]
     known = min(m.numbers[i, TRUE] // lag, (ring - 1) // lag, len(work))
-    known = min(known, 1 + words_alike(m, i, lag, (known - 1) * lag) // lag)
+    known = min(known, 1 + equal_sequences(m, i, lag, (known - 1) * lag) // lag)
     if known < 3:
         return 0
     for j in range(known):

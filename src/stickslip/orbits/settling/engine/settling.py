@@ -137,7 +137,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
             if put_mark(m, rules, s, saved, i, happened, bench.work[0]):
                 verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
             if verdict == GO_ON and not happened:
-                verdict = look_around(e, m, rules, saved, bench, i)
+                verdict = test_for_rest(e, m, rules, saved, bench, i)
         if verdict == SETTLED:
             if drive > 0.0 or m.outcome[i] != PERIODIC:
                 return
@@ -161,7 +161,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 
 
 @compiled()
-def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
+def test_for_rest(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
     """Test whether a motion without recent events has reached its final state, which the host then
     has to prove.
 
