@@ -41,7 +41,7 @@ _SAMPLES = {
     "values": "the values, instead of a file",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: interpolation between the samples',
     "periodic": "`true` if the samples repeat",
-    "gaps": "`true` if missing samples of a file are to be interpolated",
+    "gaps": "`true` to interpolate missing samples of a file",
     "unit": "unit of the values",
 }
 _TABLES = {

@@ -1,11 +1,12 @@
-"""A brake with a friction coefficient given by points: stability of steady sliding over the speed
-of the disc and the force on the pad, and limit cycles.
+"""A brake with a tabulated friction coefficient: stability of steady sliding in the speed of the
+disc and the force on the pad, and limit cycles.
 
-Steady sliding loses its stability where the friction falls faster than damping allows,
-N μ′(V) + c = 0, a curve of Hopf points. With increasing speed of the disc, stick-slip persists
-beyond this curve, up to a speed at which the cycle meets an unstable one; in between, both are
-possible. The script prints both speeds at the declared force, the cycle, and the law fitted to the
-points, and plots the measurement, the map, the branch at the declared force, and cycles.
+Steady sliding loses its stability if friction decreases faster than the damping compensates; the
+boundary N μ′(V) + c = 0 is a curve of Hopf points. With increasing speed of the disc, stick-slip
+persists beyond this curve, up to a speed at which the cycle merges with an unstable one; in
+between, both are possible. The script prints both speeds at the declared force, the cycle, and the
+law fitted to the points, and plots the measurement, the map, the branch at the declared force, and
+cycles.
 """
 
 from pathlib import Path
@@ -20,7 +21,7 @@ brake = ss.load(HERE / "brake.toml")
 
 
 def branches(speeds=SPEEDS):
-    """Steady sliding and stick-slip over the speed, at the declared force."""
+    """Branches of steady sliding and of stick-slip over the speed, at the declared force."""
     steady = ss.continue_equilibrium(brake, "V", speeds)
     return steady, ss.continue_cycle(ss.find_cycle(brake), "V", speeds)
 
@@ -45,7 +46,7 @@ def law():
 
 
 def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
-    """The measurement and its law, the map with its boundary, the branch, and cycles."""
+    """Plot the measurement and its law, the map with its boundary, the branch, and cycles."""
     measured = brake.tables["mu"]
     with ss.style.paper_style():
         figure = ss.style.new_figure(9.6, 7.6)
@@ -75,7 +76,7 @@ def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
         steady.plot("x", others=[cycles], ax=branch)
         branch.set_xlim(SPEEDS)
         for V in speeds:
-            # from where the pad, which sticks, is about to slip
+            # the end of stick, where the pad begins to slip
             start = {"x": brake.evaluate("N*mu(0)/k"), "d_x": V}
             motion = ss.find_cycle(brake, start, parameters={"V": V}).trajectory
             seen = motion.at(np.linspace(*motion.t_span, 801))
@@ -92,7 +93,7 @@ def picture(swept, curve, steady, cycles, fitted, speeds=(0.1, 0.4, 0.7, 1.0)):
 if __name__ == "__main__":
     steady, cycles = branches()
     (hopf,), (onset,) = steady.of_kind("Hopf"), cycles.of_kind("stick onset")
-    print(f"steady sliding is stable from V = {hopf.value:.6f} m/s on ({hopf.note})")
+    print(f"steady sliding is stable above V = {hopf.value:.6f} m/s ({hopf.note})")
     print(f"stick-slip ends at V = {onset.value:.6f} m/s")
     cycle = ss.find_cycle(brake)
     V = brake.values["V"]

@@ -134,7 +134,7 @@ def make_all(work: Work, folder: Path, progress: Callable[[float, Item], None]) 
 
 
 def _quiet() -> None:
-    """Ctrl-C ends a worker without a word."""
+    """Let Ctrl-C end a worker without a message."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -20,7 +20,7 @@ import stickslip as ss
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import PageSetting, Request
 from stickslip.explorer.work import branches, export
-from stickslip.explorer.work.loop import NoLongerWanted, Patience, answers
+from stickslip.explorer.work.loop import Cancellation, Cancelled, answers
 from stickslip.rate_independent.evolution.blocks import evolved
 from stickslip.rate_independent.play.operator import Play
 
@@ -31,9 +31,9 @@ SLIDER = PageSetting("spring_slider", "", {"mu": "2/sqrt(alpha)", "nu": 0.05, "V
 def asked(what: str, setting: PageSetting, options: Mapping[str, Any]) -> list[Answer]:
     """Everything that is answered, with what is told on the way."""
     found: list[Answer] = []
-    patience = Patience()
-    patience.tell = found.append
-    found.extend(answers(Request(1, "lane", what, setting, options), patience))
+    cancellation = Cancellation()
+    cancellation.tell = found.append
+    found.extend(answers(Request(1, "lane", what, setting, options), cancellation))
     assert not [a.head["refused"] for a in found if "refused" in a.head]
     return found
 
@@ -64,16 +64,16 @@ def test_points_of_branches_come_before_the_branches() -> None:
 
 
 def test_a_branch_that_nobody_waits_for_is_given_up() -> None:
-    patience = Patience()
+    cancellation = Cancellation()
 
     def tell(answer: Answer) -> None:
-        patience.end()
+        cancellation.end()
 
-    patience.tell = tell
+    cancellation.tell = tell
     request = Request(1, "branch", "branch", SLIDER, {"over": "V", "low": 0.05, "high": 0.4})
-    assert list(answers(request, patience)) == []
-    with pytest.raises(NoLongerWanted):
-        patience.check()
+    assert list(answers(request, cancellation)) == []
+    with pytest.raises(Cancelled):
+        cancellation.check()
 
 
 @pytest.mark.parametrize("name", ["plate-compactor", "two-phases"])
@@ -102,7 +102,7 @@ def test_an_evolution_is_that_of_the_library(name: str) -> None:
 def test_the_common_set_of_a_turning_ellipse_is_a_disc() -> None:
     text = (EXAMPLES / "rotating-ellipse.toml").read_text(encoding="utf-8")
     request = Request(1, "e", "evolution", PageSetting(), {"toml": text, "values": {"b": 0.25}})
-    sets = next(answers(request, Patience()))
+    sets = next(answers(request, Cancellation()))
     x, y = sets.arrays["common"]
     assert_allclose(np.hypot(x, y), 0.25, rtol=1e-3)
     x, y = sets.arrays["set:0"]

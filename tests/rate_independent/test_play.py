@@ -392,7 +392,7 @@ def test_thresholds_that_jump_once_a_period(given: Any) -> None:
     assert motion.certificate.ok, motion.certificate.verdict
 
 
-def test_stretches_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_phase_intervals_of_panels_join(monkeypatch: pytest.MonkeyPatch) -> None:
     """The panels are walked in chunks; where one ends, z may move, rest or jump."""
     given = ("3*sin(t)", ("0.5 + 0.3*cos(2*pi*s)", "piecewise(s < 1/3, 1, 0.3)"), (0.0, 6.0))
     whole = play(*given, initial=0.1, epsilon=0.25)

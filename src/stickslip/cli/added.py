@@ -20,7 +20,8 @@ Command = Callable[..., None]
 
 
 def add_commands(app: typer.Typer, guarded: Callable[[Command], Command]) -> None:
-    """Add the commands of other packages, guarded as ours are; names that are taken stay ours."""
+    """Add the commands of other packages, with the same error handling; existing names are not
+    overridden."""
     taken = {
         ours.name or getattr(ours.callback, "__name__", "") for ours in app.registered_commands
     }

@@ -141,7 +141,7 @@ class Equations:
         return sum_of(self._reader.read(self.system.viscous), *dry)
 
     def _in_plane(self, name: str) -> Contact:
-        """A contact in a plane as it was declared, or the friction of one that can open."""
+        """A declared planar contact, or the friction of one that can open."""
         contact = self.system.contacts[name]
         friction = contact.friction(name) if isinstance(contact, Unilateral) else contact
         return cast("Contact", friction)
@@ -179,7 +179,7 @@ class Equations:
         return Balance(sum_of(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
 
     def _inertia(self, x: str) -> Node:
-        """M a of one coordinate, and the forces that velocities make where M is not constant."""
+        """Inertia M a of one coordinate, and velocity-dependent forces if M is not constant."""
         d = self._declared
         read = self._reader.read
         if x not in d.inertial:
@@ -218,7 +218,7 @@ class Equations:
         return negate(times(weight, self._line_friction(declared).force))
 
     def _law_of(self, declared: DryContact) -> AnyFriction:
-        """The law of a contact, as one of those that are listed."""
+        """The law of a contact, for the list of laws."""
         of = self._plane_friction if declared.plane else self._line_friction
         return of(declared)
 
@@ -292,7 +292,7 @@ class Equations:
         )
 
     def friction_groups(self) -> list[list[AnyFriction]]:
-        """Contacts in groups that obey the same law."""
+        """Groups of contacts with the same law."""
         groups: dict[Hashable, list[AnyFriction]] = {}
         for friction in self.frictions:
             groups.setdefault((type(friction), friction.law), []).append(friction)
@@ -436,8 +436,7 @@ class Equations:
 
 
 def _own_first(node: Node, name: str) -> Node:
-    """The terms with the named variable first, and that with a plus: a (x_L − x_R), not −a (x_R −
-    x_L)."""
+    """The terms with the named variable first and positive: a (x_L − x_R), not −a (x_R − x_L)."""
     terms = [_turned(term, name) for term in (node.terms if isinstance(node, Sum) else (node,))]
     return sum_of(*sorted(terms, key=lambda term: name not in names_in(term)))
 

@@ -80,7 +80,7 @@ class _Page:
         self.write = equations.writer(MathmlWriter)
 
     def sections(self) -> Iterator[str]:
-        """All there is, in the order of the page of a terminal."""
+        """All sections, in the order of the terminal output."""
         yield self.state()
         yield from self.formulas()
         yield self.outputs()
@@ -202,7 +202,7 @@ class _Page:
 
 
 def _section(title: str, lines: list[str]) -> Html:
-    """Formulas below each other."""
+    """A section of formulas, one per line."""
     shown = "".join(f'<div style="{_INDENT}">{math(line)}</div>' for line in lines)
     return Html(f"<p>{page.text(title)}</p>{shown}" if lines else "")
 

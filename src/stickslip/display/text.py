@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class EquationsText:
-    """Lays the sections of one system out for the terminal."""
+    """Format the sections of one system for the terminal."""
 
     def __init__(self, equations: Equations, write: UnicodeWriter) -> None:
         self.equations = equations

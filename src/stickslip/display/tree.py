@@ -176,7 +176,7 @@ def times(*nodes: Node) -> Node:
 
 
 def raised(base: Node, exponent: Node) -> Node:
-    """Power; numbers are worked out only where the result stays readable."""
+    """Power; numbers are evaluated only if the result is readable."""
     if exponent == NOUGHT:
         return UNITY
     if exponent == UNITY or base == UNITY:
@@ -360,7 +360,7 @@ def inserted(node: Node, values: Mapping[str, Node]) -> Node:
 
 
 class Reader:
-    """Reads the formulas of one checked system into trees, or formulas of no system.
+    """Reader of formulas of a checked system, or of no system, into trees.
 
     Attributes
     ----------

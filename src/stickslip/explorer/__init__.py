@@ -1,1 +1,1 @@
-"""The explorer: a page in the browser for looking at a system and playing with it."""
+"""The explorer: an interactive page in the browser for a system."""

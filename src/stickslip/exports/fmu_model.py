@@ -83,12 +83,12 @@ class FmuModel:
 
     @property
     def module(self) -> str:
-        """The name of its Python module: another one for every model, since a process may run
-        several FMUs."""
+        """The name of its Python module, unique for every model, since a process may run several
+        FMUs."""
         return f"{self.identifier}_{sha256(self.to_json().encode()).hexdigest()[:12]}"
 
     def to_json(self) -> str:
-        """The text that :meth:`read` reads."""
+        """Text for :meth:`read`."""
         variables = [asdict(v) for v in self.variables]
         parts = {"stickslip": self.version, "variables": variables, "model": self.system.to_toml()}
         return json.dumps(parts, indent=1, ensure_ascii=False)

@@ -173,7 +173,7 @@ class SystemFmu(Fmi2Slave):
         self.log(f"{self.instance_name}: {error}", Fmi2Status.error)
 
     def _of(self, role: str) -> dict[str, float]:
-        """Values that were set, by the names of the system."""
+        """The set values, by names of the system."""
         own = [v for v in self.model.variables if v.role == role and v.name in self._given]
         return {v.quantity: self._given[v.name] for v in own}
 
@@ -236,7 +236,7 @@ class SystemFmu(Fmi2Slave):
     def setup_experiment(
         self, start_time: float, stop_time: float | None, tolerance: float | None
     ) -> None:
-        """Take the time of the start; a tolerance makes the motion more accurate, never less."""
+        """Set the start time; a tolerance can only increase the accuracy of the motion."""
         self._begin = start_time
         if tolerance is not None:
             self._rtol = min(_RTOL, max(float(tolerance), LEAST_RTOL))
@@ -252,7 +252,7 @@ class SystemFmu(Fmi2Slave):
         self._phase = "over"
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Move on; whether that was done."""
+        """Advance the motion; return whether this succeeded."""
         try:
             self._move(current_time, step_size)
         except Exception as error:

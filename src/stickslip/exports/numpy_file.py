@@ -1,8 +1,8 @@
 """Systems as Python files: right-hand side and events as plain NumPy functions, for other
 integrators.
 
-The text is generated from the checked expressions of a declaration. Of the user's input it contains
-only names, and the title as a literal in its first lines.
+The text is generated from the checked expressions of a declaration. Of user input it
+contains only names, and the title as a literal in its first lines.
 """
 
 from __future__ import annotations

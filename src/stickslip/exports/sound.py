@@ -18,7 +18,7 @@ _HIGHEST_RATE = 768_000  # samples a second
 
 
 def sound_of(motion: Trajectory, quantity: str, rate: int, seconds: float) -> Array:
-    """Values of a quantity of a motion at even times, `rate` of them a second.
+    """Values of a quantity of a motion at equidistant times, `rate` per second.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def sound_of(motion: Trajectory, quantity: str, rate: int, seconds: float) -> Ar
 
 
 def write_wav(values: Array, rate: int, path: str | Path) -> None:
-    """Write a vibration as sound of 16 bits, without its mean and as loud as a file can hold.
+    """Write a vibration as sound of 16 bits, without its mean and scaled to full amplitude.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def exported_table(
 
 
 def motion_in(result: Result, key: str) -> Trajectory:
-    """The motion that a motion or a cycle is.
+    """The motion of a motion or a cycle.
 
     Raises
     ------
@@ -116,7 +116,8 @@ def _sampled(motion: Trajectory, step: float) -> pandas.DataFrame:
 def _chosen(
     result: Result, table: pandas.DataFrame, data: xarray.Dataset, quantities: Sequence[str]
 ) -> list[str]:
-    """Columns of the coordinates and of the quantities; one of several dimensions has several."""
+    """Columns of the coordinates and of the quantities; a variable of several dimensions has
+    several columns."""
     columns = [str(name) for name in table.columns]
     first = [name for name in columns if name in data.coords or name == "time"]
     found: list[str] = []
@@ -132,7 +133,7 @@ def _chosen(
 
 
 def _attributes_of(data: xarray.Dataset, column: str) -> dict[str, Any]:
-    """Attributes of the variable that fills a column: x, or x_2 of a variable x of several."""
+    """Attributes of the variable of a column: x, or x_2 for a variable x with several columns."""
     for name in (column, column.rpartition("_")[0]):
         if name in data.variables:
             return data[name].attrs

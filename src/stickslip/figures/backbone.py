@@ -1,4 +1,4 @@
-"""Pictures of backbones: frequency and damping over the amplitude."""
+"""Plots of backbones: frequency and damping over the amplitude."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def plot_backbone(
 ) -> Figure:
     """Quantities of a backbone over the amplitude, whose axis has powers of ten.
 
-    So has the damping if it spans more than a decade and a half. The line is thin where no contact
-    slips.
+    The axis of the damping, too, is logarithmic if it spans more than a decade and a half. The line
+    is thin where no contact slips.
 
     Parameters
     ----------

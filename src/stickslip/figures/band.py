@@ -1,4 +1,4 @@
-"""A branch of cycles with the uncertainty of the fit that it comes from."""
+"""The plot of a branch of cycles with the uncertainty of its fit."""
 
 from __future__ import annotations
 
@@ -104,8 +104,8 @@ def _once(i: int, label: str) -> str | None:
 
 
 def _band(p: Array, y: Array, sd: Array, slope: Array) -> list[Array]:
-    """Corners of the pieces of a band between points of a curve: to both sides along its normals by
-    as much as it moves."""
+    """Corners of the pieces of a band between points of a curve: displaced to both sides along its
+    normals by the deviation."""
     known = np.isfinite(sd) & np.isfinite(slope)
     width, height = np.ptp(p) or 1.0, np.ptp(y) or 1.0
     # The curve y = a(p) moves by da at a fixed p, by da/√(1 + a′²) along its normal (−a′, 1).

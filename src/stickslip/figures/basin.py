@@ -124,7 +124,7 @@ def _colours(basin: xarray.Dataset) -> list[str]:
 
 
 def _uncertified(basin: xarray.Dataset) -> np.ndarray:
-    """States that reach an attractor, but not for certain."""
+    """States that reach an attractor without a certificate."""
     labels = basin["attractor"].values
     table = np.append(basin["certified"].values.astype(bool), True)
     return (labels >= 0) & ((basin["lacking"].values > 0) | ~table[np.maximum(labels, -1)])

@@ -108,8 +108,8 @@ def _with_unit(label: str, unit: str) -> str:
 
 
 def costs_over_phase(axes: Axes, potential: Dissipation, average: Average, unit: str = "") -> None:
-    """Draw Ψ(s, e_i) over one phase, its average Ψ_av(e_i) dashed, and dots at the phases at which
-    the cheapest motion along e_i moves."""
+    """Draw Ψ(s, e_i) over one phase, its average Ψ_av(e_i) dashed, and dots at the phases of the
+    motion of minimum cost along e_i."""
     n = potential.dimension
     phases = np.linspace(0.0, 1.0, _PHASES + 1)
     costs = unit_costs(potential, phases)

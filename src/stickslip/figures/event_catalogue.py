@@ -1,5 +1,5 @@
-"""Pictures of event catalogues: sizes over time and their sum, how many events are as large, times
-between them."""
+"""Plots of event catalogues: sizes over time and their sum, number of events by size, times between
+them."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def _sum(axes: Axes, catalogue: EventCatalogue) -> None:
 
 
 def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
-    """The time after each event over its size: a rising line where a large event is followed by a
-    long time."""
+    """Plot the time after each event over its size: it increases if a large event is followed by a
+    long pause."""
     size, after = catalogue["size"].values[:-1], catalogue["interevent"].values[1:]
     some = (size > 0.0) & (after > 0.0)
     axes.set_xscale("log")
@@ -109,7 +109,7 @@ def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
 
 
 def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
-    """Number of events with at least that value, on logarithmic axes."""
+    """Plot the number of events with at least a given value, on logarithmic axes."""
     values = catalogue[name].values
     values = np.sort(values[np.isfinite(values)])
     axes.set_xlabel(_label(catalogue, name))

@@ -1,4 +1,4 @@
-"""Pictures of evolutions: components over time with stick phases shaded, and convergence under
+"""Plots of evolutions: components over time with stick phases shaded, and convergence under
 averaging."""
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _component(axes: Axes, t: Array, z: Array, label: str) -> None:
 
 
 def _line(axes: Axes, t: Array, values: Array, **style: Any) -> None:
-    """A line over time, however many points it has."""
+    """Plot a line over time with any number of points."""
     t, lines = thin(t, {"values": values})
     axes.plot(t, lines["values"], **style)
 
@@ -137,7 +137,8 @@ def plot_study(study: AveragingStudy, ax: Axes | None = None) -> Figure:
 
 
 def _motions(axes: Axes, data: xarray.Dataset) -> None:
-    """Distances of the motions from their limit, and the excess of their moduli of continuity."""
+    """Plot the distances of the motions from their limit, and the excess of their moduli of
+    continuity."""
     epsilon = data["epsilon"].values
     distance = data["distance"].values
     _fitted(axes, epsilon, distance, BLUE, r"$\sup\,|z_\varepsilon - z_0|$")
@@ -148,7 +149,7 @@ def _motions(axes: Axes, data: xarray.Dataset) -> None:
 
 
 def _rates(axes: Axes, data: xarray.Dataset) -> None:
-    """Weak convergence of the rates, and their norms, which do not converge."""
+    """Plot the weak convergence of the rates, and their norms, which do not converge."""
     epsilon = data["epsilon"].values
     weak = data["weak_distance"].max("test").values
     label = r"$|\langle\dot z_\varepsilon - \dot z_0, \varphi\rangle|$"

@@ -114,7 +114,7 @@ def _column(ax: Axes, below: Axes | None, fits: list[tuple[str, Fit]], r: int, n
 
 
 def _curve(found: Fit, r: int, name: str, time: Array) -> tuple[Array, Array]:
-    """The fitted motion between the data, too, where there are few of them."""
+    """The fitted motion, also between the data if they are few."""
     m = found.problem.measured[r]
     c = next(c for c in m.columns if c.name == name)
     suffix = "" if r == 0 else f"_{r + 1}"
@@ -149,13 +149,13 @@ def _clock_label(fit: Fit, r: int) -> str:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """A name as the data have it, with its unit."""
+    """A name of the data, with its unit."""
     label = unit_label(unit)
     return name.replace("_", " ") + (f"  [{label}]" if label else "")
 
 
 def plot_law_fit(fit: LawFit, ax: Axes | None = None) -> Figure:
-    """Points and law over the speed, and the residuals below; in given axes without these."""
+    """Plot points and law over the speed, with the residuals below (except in given axes)."""
     v, F = fit.speeds, fit.forces
     with paper_style():
         own, below = ax, None

@@ -30,7 +30,7 @@ _BESIDE = 0.006  # part of the width by which dots of other curves are moved, so
 
 
 def plot_fragility(found: Fragility, ax: Axes | None = None) -> Figure:
-    """Shares as dots with the intervals in which they are with 95 %, and the fitted distributions.
+    """Plot the fractions as dots with their 95 % intervals, and the fitted distributions.
 
     Parameters
     ----------

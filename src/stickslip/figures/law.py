@@ -70,8 +70,8 @@ def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Fig
 def loop(
     law: FrictionLaw, amplitude: float, omega: float, values: Mapping[str, float] | None = None
 ) -> tuple[Array, Array, Array, Array]:
-    """Time, displacement, velocity and force of a law under x = A sin ωt, from the unloaded state
-    on, for one period and a quarter.
+    """Time, displacement, velocity and force of a law under x = A sin ωt, from the unloaded state,
+    for one and a quarter periods.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ class _Overview:
         self.t, self.values, self.curves = self.collect()
 
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
-        """Coordinates, internal variables and outputs that are shown."""
+        """Plotted coordinates, internal variables and outputs."""
         known = [*self.inertial, *self.massless, *self.declaration.internal, *self.system.outputs]
         for name in coordinates or ():
             if name not in known:
@@ -176,7 +176,8 @@ class _Overview:
         return quantity(self.system, name).get("units", "")
 
     def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
-        """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
+        """Collect the lines over time, and the curves of the planes, incrementally over the
+        motion."""
         names = [*self.declaration.state, *self.system.unknowns, *self.system.outputs]
         if len(self.contacts) <= MANY_LINES:
             rubbing = [
@@ -227,7 +228,7 @@ class _Overview:
     def squares(self) -> list[Callable[[Axes], None]]:
         """Panels at the right: paths and forces in planes, or phase planes."""
         if not self.in_plane:
-            return [self.plane(*plane, curve) for plane, curve in self.telling()]
+            return [self.plane(*plane, curve) for plane, curve in self.recurrent()]
         curves = self.plane_curves
         paths = [partial(curves.draw_path, plane=plane) for plane in curves.paths()]
         forces = [partial(curves.draw_force, plane=plane) for plane in curves.planes]
@@ -291,7 +292,8 @@ class _Overview:
         return panels + [self.contact(name) for name in self.names]
 
     def contact(self, name: str) -> Callable[[Axes], None]:
-        """The panel of a contact: its friction, the force of a constraint without, or a gap."""
+        """Plot the panel of a contact: its friction, the force of a frictionless constraint, or a
+        gap."""
         key = contact_key(name)
         if key in self.held:
             return self.holding(name)
@@ -341,12 +343,11 @@ class _Overview:
         axes.plot(self.t, values, color=colour, alpha=alpha, zorder=zorder)
 
     def alpha(self, lines: int) -> float:
-        """Opacity: lines that swing within a column are areas, of which several lie on each
-        other."""
+        """Opacity: lines that oscillate within a column are areas, several of which may overlap."""
         return 1.0 if self.whole or lines == 1 else max(1.0 / lines, 0.25)
 
     def shade(self, axes: Axes, holds: Array) -> None:
-        """Grey where a condition holds."""
+        """Shade grey where a condition holds."""
         strip(axes, self.motion.time, {STICK_SHADE: holds}, transform=axes.get_xaxis_transform())
 
     def heat(self, names: list[str]) -> Callable[[Axes], None]:
@@ -528,9 +529,9 @@ class _Overview:
             if self.shown.issuperset(x.removeprefix("d_") for x in (*across, *up))
         ]
 
-    def telling(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
-        """The planes whose variables come back; that of one that only moves on is its time trace
-        once more."""
+    def recurrent(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
+        """The planes whose variables recur; a plane of a monotone variable would repeat its time
+        trace."""
         for plane, curve in zip(self.planes(), self.curves, strict=True):
             across, up = plane
             asked = across if up == [f"d_{across[0]}"] else plane
@@ -584,5 +585,5 @@ class _Overview:
 
 
 def _difference(values: Mapping[str, Array], names: list[str]) -> Array:
-    """A quantity, or how much it exceeds a second one."""
+    """A quantity, or its difference from a second one."""
     return values[names[0]] - values[names[1]] if len(names) == 2 else values[names[0]]

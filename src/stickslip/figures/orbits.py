@@ -119,7 +119,7 @@ def _on_page(
 
 
 def _known(branch: Branch, names: list[str]) -> list[str]:
-    """The names, if all are variables of the points."""
+    """Check that all names are variables of the points."""
     variables = [str(n) for n in branch.points.data_vars if branch.points[n].dims == ("point",)]
     known = [*variables, *(n.removeprefix("max_") for n in variables if n.startswith("max_"))]
     for name in names:
@@ -133,7 +133,8 @@ def _known(branch: Branch, names: list[str]) -> list[str]:
 
 
 def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
-    """Curves of special points in the plane of two parameters; the handles of a legend."""
+    """Plot curves of special points in the plane of two parameters; return the handles of a
+    legend."""
     names = curves[0].parameter, curves[0].second
     for curve in curves:
         if not all(name in curve.points for name in names):
@@ -297,11 +298,11 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
             axes.plot(*(v[part] for v in drawn), linestyle=style, **kind)
     for point in without_knots(branch.special):
         style = markers[point.kind]
-        for height in _heights(branch, point, name):
+        for height in _mark_positions(branch, point, name):
             axes.plot(point.value, height, **style, zorder=3)
 
 
-def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
+def _mark_positions(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
     """Positions of the marks of a special point: the extremes of a cycle, or a single value."""
     if name not in point.state:
         return [float(branch.points[name].values[point.index])]
@@ -317,7 +318,7 @@ def _is_wide(x: Array) -> bool:
 
 
 def _decided(branch: Branch) -> Array:
-    """Stability of each point; an undecided one has that of the point before it."""
+    """Stability of each point; an undecided one inherits that of the previous point."""
     decided = branch.points["stable"].values.copy()
     for i in range(1, len(decided)):
         if decided[i] < 0:

@@ -1,4 +1,4 @@
-"""Phase portraits: motions, cycles, equilibria, lines at which the law switches, and where contacts
+"""Phase portraits: motions, cycles, equilibria, lines at which the law switches, and regions of
 stick."""
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ class _Portrait:
                     self.arrowed(axes, values[self.across], values[self.up])
 
     def arrowed(self, axes: Axes, x: Array, y: Array) -> None:
-        """A line with an arrow a little after its start."""
+        """A line with an arrow slightly after its start."""
         axes.plot(x, y, color=_FAINT, lw=0.7, zorder=1.5)
         length = np.cumsum(np.hypot(np.diff(x) / np.ptp(self.x), np.diff(y) / np.ptp(self.y)))
         at = int(np.searchsorted(length, min(0.05, 0.5 * length[-1])))

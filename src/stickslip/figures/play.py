@@ -131,8 +131,8 @@ def _draw(axes: Axes, play: Play, name: str, region: str) -> None:
 
 
 def _times(play: Play) -> Array:
-    """An even grid, and the nodes (some everywhere if they are too many), those of jumps from both
-    sides."""
+    """An equidistant grid, and the nodes (a selection if they are too many), those of jumps from
+    both sides."""
     grid = np.linspace(play.time[0], play.time[-1], _SAMPLES)
     nodes = play.time[np.append(chosen(play.time, _MOST_NODES), -1)]
     jumps = np.nextafter(nodes[1:][np.diff(nodes) == 0.0], -np.inf)

@@ -1,5 +1,5 @@
-"""Pictures of maps over records: a thin line for each record, their median, and the range from 16 %
-to 84 %, which corresponds to a standard deviation."""
+"""Plots of maps over records: a thin line for each record, their median, and the range from 16 % to
+84 %, which corresponds to a standard deviation."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def plot_records(
 
 
 def _along(data: xarray.Dataset) -> str | None:
-    """Horizontal axis of the lines: the scale, or else the longest axis."""
+    """Horizontal axis of the lines: the scale, otherwise the longest axis."""
     known = [str(d) for d in data["outcome"].dims if d != record_axis(data) and d in data.coords]
     if SCALE in known:
         return SCALE
@@ -154,13 +154,13 @@ def _lines(
         marks.append(Line2D([], [], mec=VERMILION, label="not certified", **hollow))
     if data[along].attrs.get("spacing") == "log":
         axes.set_xscale("log")
-    _leave_out(axes, min(ends), max(ends))
+    _clip_outliers(axes, min(ends), max(ends))
     axes.set_xlabel(axis_text(data, [str(along)]))
     axes.set_ylabel(measure_label(data, name, 26))
     legend_above(axes, marks)
 
 
-def _leave_out(axes: Axes, low: float, high: float) -> None:
+def _clip_outliers(axes: Axes, low: float, high: float) -> None:
     """Clip lines of outliers that would take most of the figure."""
     bottom, top = axes.get_ylim()
     if high > low and top - bottom > _FAR * (high - low):

@@ -1,5 +1,5 @@
-"""Pictures of frequency responses: amplitude over the frequency, a line for each level, with the
-phase below."""
+"""Plots of frequency responses: amplitude over the frequency, a line for each level, with the phase
+below."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _colours(response: FrequencyResponse) -> dict[float, str]:
 
 
 def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) -> None:
-    """A line, in stretches of one stability on which contacts slip or do not."""
+    """Plot a line, in parts of constant stability with or without slip."""
     stable, slips = line["stable"].values != 0, line["slips"].values != 0
     curve = smooth_curve(x, y, line["corner"].values)
     changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(slips) != 0)) + 1
@@ -160,7 +160,8 @@ def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) ->
 
 
 def _name_lines(axes: Axes, response: FrequencyResponse, name: str) -> None:
-    """The level of each line at its largest response, where it hits no line and no other label."""
+    """Label each line with its level at its largest response, without overlapping lines and other
+    labels."""
     data = response.dataset
     if not response.level or f"backbone_{name}" not in data:
         return
@@ -203,7 +204,7 @@ def _differ(sweep: Any) -> Any:
 
 
 def _pixels(axes: Axes, line: Line2D) -> Any:
-    """Points of a line on the page, with some more between them."""
+    """Points of a line in pixels, with additional ones in between."""
     points = axes.transData.transform(np.asarray(line.get_xydata()))
     part = np.linspace(0.0, 1.0, 5)[:, None, None]
     between = points[:-1] + part * np.diff(points, axis=0)
@@ -211,7 +212,7 @@ def _pixels(axes: Axes, line: Line2D) -> Any:
 
 
 def _scale(axes: Axes, response: FrequencyResponse, name: str) -> None:
-    """Labels of the upward axis; phases in parts of π."""
+    """Labels of the vertical axis; phases in multiples of π/2."""
     data = response.dataset[name]
     if name == "phase":
         axes.yaxis.set_major_locator(MultipleLocator(np.pi / 2.0))

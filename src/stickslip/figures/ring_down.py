@@ -1,4 +1,4 @@
-"""Pictures of ring-downs: the motion between its amplitudes, and frequency and damping over the
+"""Plots of ring-downs: the motion with its envelope, and frequency and damping over the
 amplitude."""
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
 
 
 def _motion(axes: Axes, ring_down: RingDown) -> None:
-    """The coordinate over time, its turning points, and the lines that join those of a side."""
+    """Plot the coordinate over time, its turning points, and the lines that connect those of each
+    side."""
     data = ring_down.dataset
     time, x = data["sample_time"].values, data["sample_position"].values
     at, turn = data["turn_time"].values, data["turn_position"].values
@@ -107,7 +108,7 @@ def _over_amplitude(axes: Axes, ring_down: RingDown, over: str, name: str) -> No
 
 
 def _powers(axis: Axis, values: Array) -> None:
-    """Two powers of ten at least on a logarithmic axis, and no other numbers."""
+    """At least two powers of ten on a logarithmic axis, and no other numbers."""
     axis.set_minor_formatter(NullFormatter())
     low, high = np.log10(np.min(values)) - _PAD, np.log10(np.max(values)) + _PAD
     if np.floor(high) - np.ceil(low) < 1.0:

@@ -1,4 +1,4 @@
-"""Pictures of samples, a measured function of time, and of tables, measured curves and surfaces."""
+"""Plots of samples, a measured function of time, and of tables, measured curves and surfaces."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _value_label(measured: Samples | Table) -> str:
 
 
 def _draw_surface(table: Table, ax: Axes) -> None:
-    """Levels of a surface, and the places where it is known."""
+    """Plot contours of a surface, and its data points."""
     x, y = (np.union1d(a, np.linspace(a[0], a[-1], _FINE_GRID)) for a in table.axes)
     levels = ax.contourf(x, y, table(x[:, None], y[None, :]).T, levels=_LEVELS)
     bar = root_of(ax).colorbar(levels, ax=ax)

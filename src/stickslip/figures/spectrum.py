@@ -23,7 +23,7 @@ _MARKERS = "osD^vPX*"
 
 
 def plot_eigenvalues(found: Equilibria, ax: Axes | None = None) -> Figure:
-    """The eigenvalues of every equilibrium; those in the white half plane decay.
+    """Plot the eigenvalues of every equilibrium; those in the white half-plane are stable.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pictures of maps: lines over one axis, maps over two (or a line for each value of a short one),
+"""Plots of maps: lines over one axis, maps over two (or a line for each value of a short one),
 small multiples over three, dots for samples."""
 
 from __future__ import annotations
@@ -387,7 +387,7 @@ def draw_map(
 
 
 def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
-    """Certified points determine the scale; others may lie beyond it."""
+    """Colour scale, determined by certified points; others may exceed it."""
     values = data[name].values
     computed = data["outcome"].values != NOT_COMPUTED
     sure = computed & ~uncertified(data, name) & np.isfinite(values)
@@ -397,7 +397,7 @@ def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
 def _draw_outcomes(
     axes: Axes, edges: tuple[Array, Array], data: xarray.Dataset, outcome: Array, bar: bool
 ) -> None:
-    """Outcomes in distinct colours, with their names."""
+    """Plot outcomes in distinct colours, with their names."""
     words = _words(data["outcome"])
     found = [int(code) for code in np.unique(data["outcome"].values) if code >= 0]
     found.sort(key=[o.code for o in (*REGIMES, *Outcome)].index)
@@ -416,7 +416,7 @@ def _draw_outcomes(
 
 
 def _outcome_colours(codes: Sequence[int]) -> list[str]:
-    """Colours of outcomes: those that are frequent have the same in all maps."""
+    """Colours of outcomes: frequent ones have the same colour in all maps."""
     own = {kind.code: colour for kind, colour in REGIMES.items()}
     taken = {own[code] for code in codes if code in own}
     spare = cycle([colour for colour in _OTHERS if colour not in taken])
@@ -459,8 +459,8 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
 
 
 def _gaps(data: xarray.Dataset, codes: Sequence[int], name: str) -> dict[str, Array]:
-    """Points that were computed and have no value of a measure, by the colour of the reason, one of
-    these codes."""
+    """Computed points without a value of a measure, by the colour of the reason, one of the given
+    codes."""
     if name == "outcome":
         return {}
     outcome = data["outcome"].values
@@ -496,8 +496,7 @@ def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
 
 
 def _words(codes: xarray.DataArray) -> dict[int, str]:
-    """Meanings of the codes of outcomes; a store that was begun by an older version does not list
-    all."""
+    """Meanings of the codes of outcomes; a store of an older version does not list all."""
     texts = [text.replace("_", " ") for text in codes.attrs["flag_meanings"].split()]
     stored = dict(zip(map(int, codes.attrs["flag_values"]), texts, strict=True))
     return {kind.code: kind.label for kind in Outcome} | stored

@@ -174,7 +174,7 @@ def cycles_with_band(
 
 
 def _free_of(fit: Fit, parameter: str) -> tuple[list[str], Array]:
-    """The parameters that were fitted, without that of the branch, and their covariance."""
+    """The fitted parameters, without that of the branch, and their covariance."""
     kept = [
         j
         for j, u in enumerate(fit.problem.unknowns)

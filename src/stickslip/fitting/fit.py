@@ -356,7 +356,7 @@ class Fit(Result):
 
 
 def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tuple[float, float]:
-    """Akaike's (with correction) and Schwarz's criterion, where a part of the data counts.
+    """Akaike's (with correction) and Schwarz's criterion, for the effective number of data.
 
     Parameters
     ----------
@@ -374,6 +374,6 @@ def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tup
 
 
 def _root_of(covariance: Array) -> Array:
-    """A square root of a covariance, which may be singular."""
+    """A square root of a covariance matrix, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

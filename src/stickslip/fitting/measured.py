@@ -27,7 +27,7 @@ _LATER = 1.25  # part of the time of the last event up to which later ones of a 
 Noise = float | str
 
 
-class GivenUp(Exception):
+class Unusable(Exception):
     """A motion that cannot be compared with the data: it stopped, or takes too long."""
 
 
@@ -87,11 +87,11 @@ class MeasuredRecord:
 
     @property
     def data(self) -> Array:
-        """The values of all columns, one after the other."""
+        """The values of all columns, concatenated."""
         return np.concatenate([c.values for c in self.columns])
 
     def start(self, parameters: Mapping[str, float], free: Mapping[str, float]) -> dict[str, float]:
-        """Initial values for values of the parameters and of those that are free."""
+        """Initial values, from parameters and free initial values."""
         given = {name: ex.evaluate(e, parameters) for name, e in self.initial.items()}
         return {**given, **free}
 
@@ -110,11 +110,11 @@ class MeasuredRecord:
     def move(
         self, parameters: Mapping[str, float], free: Mapping[str, float], rtol: float
     ) -> Trajectory:
-        """The motion for values of the parameters, and of the initial values that are free.
+        """The motion for given parameters and free initial values.
 
         Raises
         ------
-        GivenUp
+        Unusable
             With the reason.
         """
         given = {**parameters, **self.recording.parameters}
@@ -124,7 +124,7 @@ class MeasuredRecord:
             nonlocal pieces
             pieces += 1
             if pieces > _LONGEST:
-                raise GivenUp(f"the motion takes more than {4096 * _LONGEST:,} steps")
+                raise Unusable(f"the motion takes more than {4096 * _LONGEST:,} steps")
 
         try:
             start = self.start(given, free)
@@ -132,18 +132,18 @@ class MeasuredRecord:
                 self.system, self.span, initial=start, parameters=given, rtol=rtol, progress=count
             )
         except DeclarationError as error:
-            raise GivenUp(str(error)) from None
+            raise Unusable(str(error)) from None
         if motion.outcome is Outcome.INTERRUPTED:
             raise KeyboardInterrupt
         if not motion.outcome.ok:
-            raise GivenUp(f"{motion.outcome.label} at t = {motion.knots.time[-1]:.6g}")
+            raise Unusable(f"{motion.outcome.label} at t = {motion.knots.time[-1]:.6g}")
         return motion
 
     def of_motion(
         self, motion: Trajectory, names: Sequence[str] = (), touching: bool = False
     ) -> Sensitivity:
-        """The quantities that were measured, of a motion at the times (or events) of the rows, and
-        their derivatives.
+        """Measured quantities of a motion at the times (or events) of the rows, and their
+        derivatives.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class MeasuredRecord:
 
         Raises
         ------
-        GivenUp
+        Unusable
             If it has fewer events than were recorded.
         """
         formulas = [c.formula for c in self.columns]
@@ -165,7 +165,7 @@ class MeasuredRecord:
             )
         found = events_of(motion, *self.recording.happening)
         if len(found) < len(self.times):
-            raise GivenUp(
+            raise Unusable(
                 f"the motion has {len(found)} events '{self.recording.events}', but the "
                 f"recording has {len(self.times)}"
             )
@@ -173,7 +173,7 @@ class MeasuredRecord:
         return at_events(motion, first, names, formulas, start, touching)
 
     def first(self, most: int) -> MeasuredRecord:
-        """The same with the first rows, or events."""
+        """The record with only the first rows, or events."""
         if most >= len(self.times):
             return self
         columns = []
@@ -194,7 +194,7 @@ class MeasuredRecord:
 
 
 def events_of(motion: Trajectory, contact: str, verb: str) -> Array:
-    """Knots at which something happens to a contact."""
+    """Knots of the events of a contact."""
     modes = {name: motion.modes[key] for name, key in _keys(motion).items()}
     if contact not in modes:
         raise DeclarationError(f"events: {contact}", "unknown contact", suggestion(contact, modes))
@@ -310,7 +310,7 @@ def _driven(system: System, recording: Recording, clock: Array) -> System:
 
 
 def _span(recording: Recording, times: Array, columns: list[Column]) -> tuple[float, float]:
-    """From the first to the last time that is needed."""
+    """Time span from the first to the last required time."""
     if not recording.events:
         begin = times[0] if recording.begin is None else float(recording.begin)
         if begin > times[0]:
@@ -340,7 +340,7 @@ def _span(recording: Recording, times: Array, columns: list[Column]) -> tuple[fl
 
 
 def _last_event(begin: float, columns: Sequence[Column], otherwise: float) -> float:
-    """Until when events of a motion are awaited."""
+    """Time limit for the last event of a motion."""
     times = [float(np.max(c.values)) for c in columns if c.formula == "t" and len(c.values)]
     return begin + _LATER * (times[0] - begin) if times else otherwise
 

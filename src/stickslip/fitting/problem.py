@@ -13,7 +13,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
-from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
+from stickslip.fitting.measured import Column, MeasuredRecord, Noise, Unusable, read_recording
 from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
 from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
 from stickslip.kept import cached_property
@@ -258,10 +258,10 @@ class FitProblem:
                 motion = m.move(parameters, free, self.rtol)
                 values = m.flat(m.of_motion(motion).values)
                 if not np.all(np.isfinite(values)):
-                    raise GivenUp("a measured quantity is not a finite number")
+                    raise Unusable("a measured quantity is not a finite number")
                 motions.append(motion)
                 parts.append(values)
-        except GivenUp as reason:
+        except Unusable as reason:
             return Evaluated(tuple(motions), np.zeros(0), str(reason))
         return Evaluated(tuple(motions), np.concatenate(parts), "")
 
@@ -301,12 +301,12 @@ class FitProblem:
 
     @property
     def _concentrated(self) -> list[int]:
-        """Columns of whose noise the likeliest size is taken."""
+        """Columns whose noise is estimated by maximum likelihood."""
         return self.estimated if self.loss == "linear" else []
 
     @property
     def _known(self) -> Array:
-        """Data whose noise counts as known."""
+        """Data with known noise."""
         return ~np.isin(self.groups, self._concentrated)
 
     # -- other problems ----------------------------------------------------------------------------
@@ -523,7 +523,7 @@ def suffix_of(r: int) -> str:
 
 
 def table_columns(recording: Recording, r: int) -> dict[str, Any]:
-    """The columns of a recording as they came, so that a stored fit has its data."""
+    """The original columns of a recording, which a stored fit includes."""
     names = [str(c) for c in recording.table.columns]
     found = {}
     for name in names:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.fitting.search import begun_at, polished
+from stickslip.fitting.search import polished, started_at
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +82,8 @@ def _limit(fit: Fit) -> float:
 
 
 def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
-    """Points on one side of the estimate, until the rise passes the limit or there are no more."""
+    """Points on one side of the estimate, until the rise exceeds the limit or the bound is
+    reached."""
     problem = fit.problem
     u = problem.unknowns[j]
     error = float(fit.statistics.error[j])
@@ -116,9 +117,9 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
 
 
 def _moved_to(fit: Fit, j: int, value: float, p: Array) -> Array:
-    """All unknowns, the others as likely as they can be."""
+    """All unknowns, with the likelihood maximised over the others."""
     others = np.delete(p, j)
-    held = begun_at(fit.problem.held(j, value), others)
+    held = started_at(fit.problem.held(j, value), others)
     end = polished(held, others)
     return np.insert(others if end.reason else end.p, j, value)
 

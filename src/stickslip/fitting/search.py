@@ -98,7 +98,7 @@ def minimise(
         _look(found, show)
     except KeyboardInterrupt:
         found.interrupted = True
-        _settle_for_less(found)
+        _best_so_far(found)
     return found
 
 
@@ -137,7 +137,7 @@ def _look(found: Search, show: Callable[[float, str], object]) -> None:
 
 
 def _with_noise(found: Search) -> None:
-    """Estimate the noise of the columns where it is not known, and look again, until both fit."""
+    """Estimate the unknown noise of columns, and minimise again, until both are consistent."""
     for _ in range(_ROUNDS):
         sigma = estimated_sigma(found.problem, found.best.p)
         if sigma is None:
@@ -191,7 +191,7 @@ def cost_of(problem: FitProblem, p: Array) -> float:
     return 0.5 * float(np.sum(LOSSES[problem.loss](r**2)[0])) if np.all(np.isfinite(r)) else np.inf
 
 
-def _settle_for_less(found: Search) -> None:
+def _best_so_far(found: Search) -> None:
     """Result of an interrupted search: the best values so far."""
     if found.minima or math.isfinite(found.best.cost):
         return
@@ -205,7 +205,7 @@ def _settle_for_less(found: Search) -> None:
 
 
 class _Coordinates:
-    """The problem in the coordinates that are searched."""
+    """The problem in the coordinates of the search."""
 
     def __init__(self, problem: FitProblem, origin: Array, drawn: float) -> None:
         self.problem = problem
@@ -217,7 +217,7 @@ class _Coordinates:
         self.low, self.high = low, high
 
     def values(self, u: Array) -> Array:
-        """Values of the unknowns, which rounding does not bring out of their bounds."""
+        """Values of the unknowns, within their bounds despite rounding."""
         pairs = zip(self.problem.unknowns, u, strict=True)
         p = np.array([float(k.from_search(x)) for k, x in pairs])
         return np.clip(p, *self.problem.bounds)
@@ -240,7 +240,7 @@ class _Coordinates:
 
 
 def _descend(problem: FitProblem, p: Array, rough: bool = False) -> Minimum:
-    """The minimum to which a start leads."""
+    """The minimum reached from a start."""
     from scipy.optimize import least_squares as untyped
 
     least_squares: Any = untyped  # its types say nothing of a function as Jacobian
@@ -342,8 +342,8 @@ def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
         )
 
 
-def begun_at(problem: FitProblem, p: Array) -> FitProblem:
-    """The problem that begins where another has ended."""
+def started_at(problem: FitProblem, p: Array) -> FitProblem:
+    """The problem started from the minimum of another one."""
     unknowns = tuple(replace(u, start=float(x)) for u, x in zip(problem.unknowns, p, strict=True))
     return replace(problem, unknowns=unknowns)
 

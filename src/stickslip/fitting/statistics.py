@@ -121,7 +121,7 @@ def _gain(problem: FitProblem, r: Array) -> float:
 
 
 def correlation(problem: FitProblem, r: Array) -> float:
-    """Correlation of residuals that follow each other in one column."""
+    """Correlation of consecutive residuals in one column."""
     above = below = 0.0
     offset = 0
     for m in problem.measured:
@@ -135,7 +135,7 @@ def correlation(problem: FitProblem, r: Array) -> float:
 
 
 def effective_share(rho: float, count: int) -> float:
-    """Part of the data that counts."""
+    """Effective fraction of the data."""
     if rho <= _SIGNIFICANT / math.sqrt(count):
         return 1.0
     return (1.0 - rho) / (1.0 + rho)

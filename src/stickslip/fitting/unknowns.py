@@ -52,7 +52,7 @@ class Unknown:
     logarithmic: bool
 
     def to_search(self, value: Any) -> Any:
-        """The coordinate in which it is searched."""
+        """The value in the coordinate of the search."""
         return np.log(value) if self.logarithmic else value
 
     def from_search(self, coordinate: Any) -> Any:

@@ -81,7 +81,7 @@ def dissipation_of(
 
 
 def _components(system: System, contact: str) -> list[DryContact]:
-    """A contact by its components."""
+    """The components of a contact."""
     found = [
         c
         for c in system.declaration.contacts

@@ -1,4 +1,4 @@
-"""Adaptive maps: computed finely only where something changes.
+"""Adaptive maps: refined only in cells in which an outcome or a measure changes.
 
 The points of the map are those of the full grid. A coarse selection of them divides it into cells;
 a cell is halved in all directions if an outcome or a measure changes among the points computed in
@@ -168,8 +168,8 @@ def _halves(cell: Cell) -> list[Cell]:
 
 
 def _interpolate(store: MapStore, leaves: Sequence[Cell]) -> None:
-    """Give the points inside cells the values that their corners suggest, and their worst
-    certificate."""
+    """Interpolate the points inside cells from their corners, with the worst certificate of
+    these."""
     gaps = [cell for cell in leaves if np.any(store.outcome[_box(cell)] < 0)]
     if not gaps:
         return

@@ -395,8 +395,8 @@ class _Classification:
         return invariant_directions(self.equations, self.problem.parameters, state)
 
     def _families(self) -> Iterator[tuple[Attractor, Array]]:
-        """Cycles in which the same contacts stick for good: they come in families, of which each is
-        one attractor."""
+        """Cycles with permanently sticking contacts: each family of cycles, with the same sticking
+        contacts, is one attractor."""
         f = self.found
         left = self._of(Outcome.PERIODIC)
         left = left[np.any(f.stuck[left], axis=1)]
@@ -411,7 +411,7 @@ class _Classification:
             left = left[~same]
 
     def _cycles(self) -> Iterator[tuple[Attractor, Array]]:
-        """Any other cycles, one after the other."""
+        """All other cycles."""
         f = self.found
         left = self._of(Outcome.PERIODIC)
         left = left[~np.any(f.stuck[left], axis=1)]
@@ -436,7 +436,7 @@ class _Classification:
             left = left[~near]
 
     def _closed(self, motion: int) -> Cycle | None:
-        """The cycle of a motion by Newton's method, if that finds the same."""
+        """The cycle of a motion by Newton's method, if it is the same cycle."""
         f = self.found
         system = self.problem.system
         values = self.problem.parameters
@@ -457,7 +457,7 @@ class _Classification:
         return "walking" if self._speed(motion) else "cycle"
 
     def _speed(self, motion: int) -> float:
-        """Speed of the drift (its largest component), if it is more than rounding."""
+        """Speed of the drift (its largest component); 0 if it is a rounding error."""
         f = self.found
         shift = f.shift[motion]
         size = np.maximum(np.abs(f.low[motion]), np.abs(f.high[motion]))
@@ -555,7 +555,7 @@ def _dataset(
 
 
 def _attributes(system: System, name: str) -> dict[str, str]:
-    """Units of a column of the table, where it has some."""
+    """Units of a column of the table, if it has any."""
     kind, _, state = name.partition("_")
     if name == "period":
         return {"units": system.time_unit or "1"}
@@ -567,6 +567,6 @@ def _attributes(system: System, name: str) -> dict[str, str]:
 
 
 def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:
-    """Its kind, with a number if there are several."""
+    """Kind of an attractor, with a number if there are several."""
     same = [a for a in reached if a.kind == attractor.kind]
     return attractor.kind if len(same) == 1 else f"{attractor.kind}_{same.index(attractor) + 1}"

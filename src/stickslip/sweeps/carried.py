@@ -129,8 +129,8 @@ def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> C
 def _followed(
     cycle: Cycle, parameter: str, value: float, start: float, state: Array
 ) -> Cycle | None:
-    """The cycle that another one becomes at the next value of a parameter, if the motion from a
-    state is seen to approach it."""
+    """A cycle continued to the next value of a parameter, if the motion from a state approaches
+    it."""
     if cycle.closed.shooting.setting.held:
         return None
     try:

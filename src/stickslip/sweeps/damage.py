@@ -181,7 +181,7 @@ def is_chunk(key: str) -> bool:
 
 
 def placed(key: str, content: bytes) -> bytes:
-    """A chunk with its place, and its checksum of that, too.
+    """A chunk with its place, and a checksum of both.
 
     Parameters
     ----------

@@ -26,14 +26,14 @@ class MapFiles(LocalStore):
 
     @classmethod
     def opened(cls, path: Path) -> Self:
-        """The files of a map that is there, to be read."""
+        """The files of an existing map, for reading."""
         files = cls(path, read_only=True)
         chunks = (found for found in path.glob("*/c/**/*") if found.is_file())
         files.expected = frozenset(found.relative_to(path).as_posix() for found in chunks)
         return files
 
     def with_read_only(self, read_only: bool = False) -> Self:
-        """The same for reading, or for writing, too."""
+        """The same files for reading only, or also for writing."""
         other = super().with_read_only(read_only)
         other.expected = self.expected
         return other

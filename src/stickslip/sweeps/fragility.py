@@ -210,7 +210,7 @@ def fragility_of(found: Map, measure: str, limit: float, over: str | None) -> Fr
 
 
 def _scale_axis(found: Map, records: str, over: str | None) -> str:
-    """Over which axis the shares are taken."""
+    """Axis of the scale."""
     data = found.dataset
     known = [str(d) for d in data["outcome"].dims if d != records]
     known = [d for d in known if d in data.coords]

@@ -105,7 +105,7 @@ class Level:
             )
 
     def check_phase(self) -> None:
-        """See that the drive has a phase.
+        """Check that the drive has a phase.
 
         Raises
         ------
@@ -127,8 +127,7 @@ class Level:
         return phase_of_drive(self.system, (self.text, self.drive), values, period)
 
     def lags(self, phases: Array, values: Array) -> Array:
-        """Phases relative to the drive, in (−3π/2, π/2] at first and from there on without
-        jumps."""
+        """Phases relative to the drive: the first in (−3π/2, π/2], the others continuous."""
         of_drive = np.array([self.phase_of_drive(float(v)) for v in values])
         return np.unwrap(relative_phase(phases, of_drive))
 

@@ -304,7 +304,7 @@ def _follow(
     for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
         x = wanted.distinguished_by
-        cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
+        cycles += met[:1] + [c for c in met[1:] if not _equal(met[0], c, x)]
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     for cycle in cycles:
         on_lines.place(cycle, beside.get(cycle, []), steps)
@@ -360,7 +360,7 @@ class _OnLines:
         """Return whether a line contains a cycle."""
         wanted = self.lines.wanted
         there = self._of(branch, cycle.parameters[wanted.parameter])
-        return any(_alike(cycle, c, wanted.distinguished_by) for c in there)
+        return any(_equal(cycle, c, wanted.distinguished_by) for c in there)
 
 
 def _passed(wanted: Level, branch: Branch, value: float) -> list[Cycle]:
@@ -413,7 +413,7 @@ def _numbers(cycle: Cycle, x: str) -> Array:
     return np.array([0.5 * float(np.ptp(cycle.extrema[x])), h.real, h.imag])
 
 
-def _alike(one: Cycle, other: Cycle, x: str) -> bool:
+def _equal(one: Cycle, other: Cycle, x: str) -> bool:
     """Return whether two cycles at one frequency agree in amplitude and first harmonic."""
     a, b = _numbers(one, x), _numbers(other, x)
     return bool(np.max(np.abs(a - b)) <= _SAME * np.max(np.abs(a)))
@@ -432,11 +432,11 @@ def _peak(wanted: Level, branches: list[Branch]) -> Cycle | None:
     low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
     if low < where[top] < high:
         with suppress(ConvergenceError):
-            return _climb(wanted, best, low, high)
+            return _maximise(wanted, best, low, high)
     return best
 
 
-def _climb(wanted: Level, cycle: Cycle, low: float, high: float) -> Cycle:
+def _maximise(wanted: Level, cycle: Cycle, low: float, high: float) -> Cycle:
     """The largest response, from a cycle and two values of the parameter on both sides of it. If
     the maximum is beyond these, the step is doubled.
 
@@ -487,7 +487,7 @@ def _backbone(level: str, found: list[Lines]) -> list[Cycle]:
                 guess = last.parameters[x]
                 guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
                 there = moved(last, {level: value, x: guess})
-                last = _climb(wanted, there, guess - step, guess + step)
+                last = _maximise(wanted, there, guess - step, guess + step)
                 cycles.append(last)
         cycles.append(after)
     return cycles

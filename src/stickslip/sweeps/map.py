@@ -170,7 +170,7 @@ class Map(Result):
         }
 
     def _counted(self) -> dict[int, int]:
-        """Computed points by the code of their outcome."""
+        """Number of computed points by the code of their outcome."""
         codes, counts = np.unique(self._codes[self._codes >= 0], return_counts=True)
         return {int(code): int(count) for code, count in zip(codes, counts, strict=True)}
 

@@ -66,7 +66,7 @@ class MapStore:
 
     @property
     def left(self) -> int:
-        """Points that are not computed."""
+        """Number of points that are not computed."""
         return int(np.count_nonzero(self.outcome < 0))
 
     def load(self) -> None:
@@ -99,8 +99,8 @@ class MapStore:
             raise _damaged(self.path, [(name, chunk)], str(error)) from None
 
     def audit(self, repair: bool = False) -> None:
-        """Take the points of missing chunks for not computed, and those of damaged ones if they
-        are to be repaired.
+        """Mark the points of missing chunks as not computed, and those of damaged ones if they are
+        to be repaired.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class MapStore:
             self.outcome[...] = table
 
     def _write(self, name: str, region: Slices, block: Array | int) -> None:
-        self._check_there()
+        self._check_exists()
         try:
             self.arrays[name][region] = block
         except OSError as error:
@@ -186,8 +186,8 @@ class MapStore:
                 "again to resume"
             ) from None
 
-    def _check_there(self) -> None:
-        """Reject to write into a store that somebody has removed: there would be a part of one."""
+    def _check_exists(self) -> None:
+        """Raise an error if the store has been removed, instead of writing an incomplete one."""
         if self.path is not None and not damage.is_there(self.path):
             raise StickslipError(
                 f"{self.path}: was removed while the map was computed. Run the same command again"
@@ -203,12 +203,12 @@ class MapStore:
         """
         import xarray as xr
 
-        self._check_there()
+        self._check_exists()
         return _plain(xr.open_zarr(self.group.store, chunks=None, consolidated=True))
 
 
 def _plain(data: xarray.Dataset) -> xarray.Dataset:
-    """Without checksums, which are those of files, and with the names of records."""
+    """The dataset without checksums of files, and with the names of records."""
     data.attrs = {key: value for key, value in data.attrs.items() if key not in (LAYOUT, TABLE)}
     for name, coordinate in data.coords.items():
         if LABELS in coordinate.attrs:
@@ -349,7 +349,7 @@ def _new_array(
 def opened(
     plan: Plan, path: Path, *, extend: bool = False, overwrite: bool = False
 ) -> Iterator[MapStore]:
-    """The store of a plan at a path, for this process alone: made, taken up again, extended or
+    """The store of a plan at a path, locked for this process: created, resumed, extended or
     replaced.
 
     Raises
@@ -444,7 +444,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
 
 
 def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
-    """The plan with the values of the held axes bit by bit where it has the same ones."""
+    """The plan with the stored values of axes where they agree up to rounding."""
     change = plan.difference(held.parts(), held.axes)
     if change is not None and change.part is Part.AXES:
         raise StickslipError(f"{path}: holds a map {change.text}. Extend it along its own axes")
@@ -461,16 +461,16 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
                 " Refine it, such as from n to 2n - 1 points"
             )
         if plan.carry is not None and plan.carry.axis == k:
-            _check_goes_on(plan.carry, found, len(new), path)
+            _check_order(plan.carry, found, len(new), path)
         values = new.values.copy()
         values[:, found] = old.values
         axes.append(replace(new, values=values))
     return replace(plan, axes=tuple(axes))
 
 
-def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
-    """Reject new values on a line that would not come after the old ones: these would begin
-    elsewhere.
+def _check_order(carry: Carry, found: Array, count: int, path: Path) -> None:
+    """Reject new values on a line before the old ones, since these would then start from other
+    states.
 
     Parameters
     ----------
@@ -521,7 +521,7 @@ def _finish_replacement(path: Path) -> None:
 
 
 def _copy(old: MapStore, new: MapStore) -> None:
-    """Points of one store that the other has, too."""
+    """Copy the points of one store that the other one contains."""
     places = [o.positions(n) for o, n in zip(old.grid.axes, new.grid.axes, strict=True)]
     for chunk in new.grid.chunks():
         region = new.grid.region(chunk)

@@ -366,7 +366,8 @@ def compute_missing(
 def _fill(
     store: MapStore, work: Work, points: Array | None, pool: Pool, stop: Interrupt, tell: _Reporter
 ) -> None:
-    """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
+    """Compute the missing ones of the requested points (all if None), and write them chunk by
+    chunk."""
     tell(np.empty(0, np.int8))
     together = DEVICE_LANES if work.device == "gpu" else 1
     carry = store.plan.carry
@@ -384,8 +385,7 @@ def _fill(
 
 
 def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Batch]:
-    """Chunks with points that are missing, so many that there are at least so many points in a
-    task."""
+    """Groups of chunks with missing points, with at least a given number of points in each task."""
     if store.plan.driven is not None:
         yield from _of_records(store, points, store.plan.driven)
         return
@@ -406,7 +406,7 @@ def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Bat
 
 
 def _of_records(store: MapStore, points: Array | None, driven: Driven) -> Iterator[Batch]:
-    """Chunks with points that are missing; each is of one record."""
+    """Chunks with missing points; each belongs to one record."""
     grid = store.grid
     (name,) = (axis.names[0] for axis in grid.axes if axis.labels)
     for chunk in grid.chunks():
@@ -455,5 +455,5 @@ class _Reporter:
 
 
 def _count(codes: Array) -> Array:
-    """Points by their outcome, of those that have one."""
+    """Number of computed points by outcome."""
     return np.bincount(codes[codes >= 0], minlength=128)

@@ -71,7 +71,7 @@ _FEET = {"R": "right_leg", "L": "left_leg"}
 
 
 def _lift(psi: Array, side: str) -> Array:
-    """Height of a foot, for the eye: the model has none."""
+    """Height of a foot in the drawing; the model has none."""
     return 0.14 * np.clip(-psi if side == "R" else psi, 0.0, 1.5)
 
 
@@ -142,7 +142,7 @@ class _Behind:
         ]
 
     def place(self, i: int) -> None:
-        """Tilt about the foot that carries."""
+        """Tilt about the stance foot."""
         foot = (0.4 if self.psi[i] > 0.0 else -0.4, 0.0)
         for name, patch in self.parts.items():
             patch.set_xy(turned(self.outlines[name], -0.1 * self.psi[i], foot, foot))

@@ -71,7 +71,7 @@ class Claim:
     derivation: str = ""
 
     def verify(self) -> Finding:
-        """Run the check; one that cannot be carried out fails."""
+        """Run the check; an error counts as a failure."""
         try:
             return self.check()
         except Exception as error:  # whatever breaks a computation breaks the claim

@@ -151,7 +151,7 @@ def heading(model: EvolutionModel) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Averaged:
-    """An average, as a command shows it."""
+    """An average, in the form of a result for commands."""
 
     model: EvolutionModel
     average: Average
@@ -281,8 +281,8 @@ def summed(terms: list[str]) -> str:
 
 
 def extremes(averaged: Average) -> tuple[float, float]:
-    """Least and largest Ψ_av of unit vectors: all around in the plane, along random directions in
-    space."""
+    """Smallest and largest Ψ_av of unit vectors: over all directions in the plane, over random
+    directions in space."""
     import numpy as np
 
     n = averaged.dimension

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Convergence:
-    """When a motion counts as settled on a cycle, and its accuracy."""
+    """Criteria for settled motions, and the accuracy."""
 
     rtol: AccuracyOfEach = 1e-10
     tolerance: Annotated[
@@ -170,7 +170,7 @@ def sweep_command(
 
 
 def computed_map(path: Path, by: Workers, work: Callable[..., Map]) -> Map:
-    """A map, with a bar while it is computed; where it is interrupted, the command ends.
+    """Compute a map with a progress bar; an interruption ends the command.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def plot_command(
 
 @dataclass(frozen=True)
 class Target:
-    """The file to write, and of which kind it is."""
+    """The output file, and its kind."""
 
     out: Annotated[
         Path | None,
@@ -268,7 +268,7 @@ class Target:
     ] = False
 
     def path(self, source: str) -> Path:
-        """The path of the file; without ``--out`` it is called after the source.
+        """The path of the file; without ``--out`` it is named after the source.
 
         Raises
         ------
@@ -294,7 +294,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Sampling:
-    """Rows of a table and samples of a sound, as ``export`` takes them."""
+    """Rows of a table and samples of a sound, as arguments of ``export``."""
 
     step: Annotated[
         float | None,
@@ -365,7 +365,7 @@ def export_command(
 
 @contextlib.contextmanager
 def _progress(label: str) -> Iterator[Callable[[Progress], None] | None]:
-    """Points done, rate, time left and outcomes on stderr, if a person is looking."""
+    """Print points done, rate, time left and outcomes to stderr, if it is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -25,7 +25,7 @@ def finish(message: str, code: int) -> NoReturn:
 
 
 def guarded(command: Callable[_P, None]) -> Callable[_P, None]:
-    """Turn everything that can go wrong into one line and an exit code."""
+    """Convert all errors into one line and an exit code."""
 
     @wraps(command)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> None:

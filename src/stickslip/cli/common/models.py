@@ -126,7 +126,7 @@ def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
 
 
 def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
-    """The same, if all values must be numbers."""
+    """Read NAME=VALUE texts whose values must be numbers."""
     for name, value in given.items():
         if isinstance(value, str):
             raise DeclarationError(

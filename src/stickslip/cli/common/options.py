@@ -20,7 +20,7 @@ from stickslip.model.formats.measurable import MEASURABLE
 
 
 def _systems(begun: str) -> list[str]:
-    """Names that a shell may complete."""
+    """Names for shell completion."""
     from stickslip import catalogue
 
     return [name for name in catalogue.names() if name.startswith(begun)]
@@ -144,8 +144,8 @@ class Stored:
 
 
 def with_single_options(command: Callable[..., None]) -> Callable[..., None]:
-    """A command as typer registers it: instead of each parameter that is a dataclass, it takes the
-    fields of that class, in their order."""
+    """A command for registration with typer: each dataclass parameter is replaced by the fields of
+    that class, in their order."""
     signature = inspect.signature(command, eval_str=True)
     single: list[inspect.Parameter] = []
     objects: dict[str, type] = {}

@@ -37,12 +37,12 @@ class Ready:
 
 @dataclass(frozen=True)
 class Compiling:
-    """A worker makes the engine's machine code for this machine, which takes minutes, once."""
+    """A worker compiles the engine for this machine, which takes minutes, once."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """A worker's word on the question with a number: a part of the answer, or its end."""
+class WorkerMessage:
+    """Message of a worker on a question: a part of the answer, or its end."""
 
     serial: int
     answer: Answer | None
@@ -58,7 +58,7 @@ def refusal(error: Exception, where: str = "") -> Answer:
 
 
 def send_frame(stream: IO[bytes], thing: object) -> None:
-    """Write a thing and its length."""
+    """Write a message and its length."""
     data = pickle.dumps(thing, protocol=pickle.HIGHEST_PROTOCOL)
     stream.write(_LENGTH.pack(len(data)) + data)
     stream.flush()

@@ -23,7 +23,7 @@ FIRST_MODEL = "rocking_toy"  # the one that is shown if none is named
 
 @dataclass(frozen=True)
 class PageSetting:
-    """A system as a page has set it.
+    """A system with the settings of a page.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Request:
 
 
 def read_request(text: str) -> Request:
-    """A question as it came from a page.
+    """Read a question of a page.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def packed_text(text: str) -> str:
 
 
 def _typed(text: str) -> float | None:
-    """A number as people type it, such as 0.5 or 1/3."""
+    """A number in a typical notation, such as 0.5 or 1/3."""
     above, _, below = text.partition("/")
     try:
         number = float(above) / (float(below) if below else 1.0)

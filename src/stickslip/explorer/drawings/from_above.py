@@ -24,7 +24,8 @@ _MOST = 400  # points of a path
 
 
 def bodies_of(system: System) -> dict[tuple[str, str], str]:
-    """Pairs of coordinates that a contact in a plane moves alone, with its name in variables."""
+    """Pairs of coordinates that are the velocities of a planar contact, with its name in
+    variables."""
     declared = {c.name: c for c in system.declaration.contacts}
     found: dict[tuple[str, str], str] = {}
     for name, (first, second, *_) in system.planes.items():

@@ -69,7 +69,7 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
 
 
 def soles_of(system: System) -> dict[str, str]:
-    """The contact under each coordinate that one moves alone, by its name in variables."""
+    """The contact under each coordinate whose rate is its velocity, by its name in variables."""
     found: dict[str, str] = {}
     named = {part: name for name, parts in system.rubbing.items() for part in parts}
     for contact in system.declaration.contacts:
@@ -100,7 +100,7 @@ def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Arr
 
 
 def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list[MovingPart]:
-    """Springs between neighbours that the energy couples, and to the wall."""
+    """Springs between neighbouring coordinates that the energy couples, and to the wall."""
     energy = system.declaration.potential
     found = []
     for one, other in pairwise(blocks):

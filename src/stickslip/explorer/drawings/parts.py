@@ -66,7 +66,7 @@ class Scene:
     parts: list[MovingPart] = field(default_factory=list)
 
     def add(self, *parts: MovingPart) -> None:
-        """Put parts in front of those that are there."""
+        """Add parts in front of the existing ones."""
         self.parts.extend(parts)
 
     def packed(self) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -185,7 +185,7 @@ def disc(
     contact: str = "",
     spokes: int = 0,
 ) -> MovingPart:
-    """A disc, with spokes if its turning is to be seen."""
+    """A disc, with spokes to show its rotation."""
     shape = {"kind": "disc", "radius": float(radius), "spokes": spokes}
     return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
@@ -208,7 +208,7 @@ def arrow(start: Spot, end: Spot, look: str = "force") -> MovingPart:
 
 
 def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str = "") -> MovingPart:
-    """The ground, with marks that show how it moves.
+    """The ground, with marks that show its motion.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str 
 
 
 def label(text: str, at: Spot, look: str = "label") -> MovingPart:
-    """A few letters that move along."""
+    """A moving label."""
     return MovingPart({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
 
 

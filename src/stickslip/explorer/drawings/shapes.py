@@ -80,7 +80,7 @@ def _add_structure(
 
 
 def rubbing_unknowns(system: System, name: str, part: InModes) -> dict[int, list[str]]:
-    """Unknowns of a structure with contacts, by index, with these as variables call them."""
+    """Unknowns of a structure with contacts, by index, with the names of these in variables."""
     entry = re.compile(rf"\b(?:d_)?{re.escape(name)}\[\s*(\w+)\s*\]")
     found: dict[int, list[str]] = {}
     for contact in system.rubbing:
@@ -91,8 +91,8 @@ def rubbing_unknowns(system: System, name: str, part: InModes) -> dict[int, list
 
 
 def line_of(shapes: Array, marked: set[int]) -> list[int]:
-    """Unknowns that lie on one line: those of one direction, where nodes have several, so that
-    modes are smooth along it; at most some dozens.
+    """Unknowns of one line: those of one direction, if nodes have several, so that modes are smooth
+    along it; at most some dozens.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Toys that walk: the animal that a weight pulls, the walker on a ramp, the woodpecker."""
+"""Animations of toys: the animal pulled by a weight, the walker on a ramp, the woodpecker."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def walking_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -
 
 
 def _lift(psi: Array, side: str) -> Array:
-    """Height of a foot, for the eye: the model has none."""
+    """Height of a foot in the drawing; the model has none."""
     return 0.14 * np.clip(-psi if side == "R" else psi, 0.0, 1.5)
 
 

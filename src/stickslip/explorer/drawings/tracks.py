@@ -30,7 +30,7 @@ _LEAD = 2.1  # how far in front of a block the end of its spring is drawn at res
 
 
 def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A plate under a turning weight, pulled by a spring."""
+    """A plate under a rotating imbalance, pulled by a spring."""
     p = motion.parameters
     pull = _given(motion, "pull", times)
     scale = _scaled(pull - values["x"])
@@ -72,7 +72,7 @@ def crawler(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Sc
 
 
 def pulled_slider(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A block that a spring pulls whose end moves with the load."""
+    """A block pulled by a spring whose end moves with the load."""
     load = _given(motion, "ell", times)
     stretch = values["U"]
     scale = 1.6 / max(float(np.max(np.abs(stretch))), 1e-12)
@@ -85,7 +85,7 @@ def pulled_slider(motion: Trajectory, times: Array, values: Mapping[str, Array])
 
 
 def tip_on_lattice(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A tip that a spring pulls over the valleys of a lattice."""
+    """A tip pulled by a spring over a lattice."""
     period = motion.parameters["a"]
     scale = 1.5 / period
     tip, holder = scale * values["x"], scale * _given(motion, "X", times)

@@ -88,7 +88,7 @@ class Shapes:
         return self.moments(np.array(merged).ravel())
 
     def changes(self, modes: Array) -> list[str]:
-        """Times from which a mode holds, and these modes, as letters."""
+        """Times at which modes begin, and these modes, as letters."""
         begins = np.flatnonzero(np.diff(modes, prepend=modes[0] - 1))
         return [self.moments(self.times[begins]), letters_of_modes(modes[begins])]
 
@@ -118,7 +118,7 @@ def letters_of_modes(modes: Array) -> str:
 
 
 def needed(times: Array, curve: Array, near: float) -> Array:
-    """Samples of a curve between which straight lines pass near all others.
+    """Samples of a curve whose linear interpolation is close to all others.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ def export_page(
 
 
 def _checked(path: str | Path, where: str) -> Path:
-    """The path, if a page can be written there; motions are computed for minutes before it is."""
+    """Check that a page can be written to the path, before motions are computed for minutes."""
     path = Path(path)
     if path.suffix.lower() != ".html":
         reason = f"'{path}' does not end in .html"

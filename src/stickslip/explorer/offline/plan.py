@@ -85,7 +85,7 @@ def read_plan(system: System, over: Mapping[str, Any] | Sequence[str] | None) ->
 
 
 def _given(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Slider, ...]:
-    """Sliders with the values that a user gives."""
+    """Sliders with given values."""
     if not isinstance(over, Mapping):
         texts = [over] if isinstance(over, str) else over
         named = [text for text in texts if text.strip() and "=" not in text]
@@ -141,7 +141,7 @@ def _declared(system: System) -> tuple[Slider, ...]:
 
 
 def _values(system: System, name: str, steps: int) -> tuple[float, ...]:
-    """Values on the slider that a parameter has in the explorer, with the declared one."""
+    """Values on the slider of a parameter in the explorer, including the declared one."""
     declared = system.parameters[name]
     (row,) = parameter_rows({name: declared})
     even = np.linspace(row["low"], row["high"], steps)
@@ -150,7 +150,7 @@ def _values(system: System, name: str, steps: int) -> tuple[float, ...]:
 
 
 def _rounded(value: float) -> float:
-    """A value such that a page shows all its digits: 0.6, not 0.6000000000000001."""
+    """A value rounded so that a page shows all its digits: 0.6, not 0.6000000000000001."""
     return float(f"{value:.12g}")
 
 

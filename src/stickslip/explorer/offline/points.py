@@ -97,7 +97,7 @@ def stored_motions(system: System, plan: Plan, show: Show) -> Stored:
 
 
 def _check_size(size: int, done: int, points: int) -> None:
-    """Reject a page that is, or will be, too large."""
+    """Reject a page that is, or would become, too large."""
     expected = size * points / done if done >= _FIRST else size
     # Some motions are shorter than the first ones.
     if size > _MOST_BYTES or expected > 3 * _MOST_BYTES:

@@ -1,4 +1,4 @@
-"""A map over two parameters: fields that become finer."""
+"""A map over two parameters with increasing resolution."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Panel:
         x_axis: bool = True,
         wheel: bool = True,
     ) -> Plot:
-        """An empty figure that fills its place.
+        """An empty figure that fills its container.
 
         Parameters
         ----------

@@ -138,7 +138,7 @@ class Refused(RequestHandler):
         self.finish(_PAGE.format(title=title, reason=self.reason))
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
-        """Say no more than the number."""
+        """Send only the status code."""
         self.finish(_PAGE.format(title="Request refused", reason=str(status_code)))
 
 
@@ -231,7 +231,7 @@ class Leaving(DocumentLifecycleHandler):
         self._on_session_destroyed = _leave
 
     def modify_document(self, doc: Document) -> None:
-        """Have a new document end without that."""
+        """Set up a new document without this clean-up."""
         super().modify_document(doc)
         vars(doc)["destroy"] = partial(_destroy, doc)
 

@@ -1,4 +1,4 @@
-"""The page as a document: figures, the wire, and the template that puts them in their places."""
+"""The page as a document: figures, the wire, and the template of the layout."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Worker processes, and the distribution of requests to them.
 
-A question waits in its lane; a newer one of the same lane takes its place, and one that is being
-worked on is given up. What takes too long, or too much memory, ends with its worker, and another
-worker takes its place.
+A question waits in its lane; a newer one of the same lane replaces it, or cancels the running one.
+A worker that exceeds its limits of time or memory is terminated and replaced.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from stickslip.explorer.asking.answer import (
     Answer,
     Compiling,
     Ready,
-    Told,
+    WorkerMessage,
     receive_frame,
     refusal,
     send_frame,
@@ -94,7 +93,7 @@ class Worker:
         self._send(job.request)
 
     def give_up(self) -> None:
-        """Nobody waits for it any more."""
+        """Cancel a job whose answer is no longer needed."""
         if not self.given_up:
             self.given_up = True
             self.since = time.monotonic()
@@ -160,7 +159,7 @@ class WorkerPool:
         self.workers: list[Worker] = [self._worker()]
 
     def ask(self, job: Job) -> None:
-        """Have a question answered as soon as a worker is free."""
+        """Queue a question for the next free worker."""
         self._waiting.pop(job.lane, None)
         others = [x for x in self._waiting.values() if x.page == job.page]
         if len(others) >= MOST_LANES or sum(x.size for x in others) + job.size > MOST_MESSAGE:
@@ -179,7 +178,7 @@ class WorkerPool:
             job.reply(_COMPILING, False)
 
     def drop(self, page: Hashable, lane: str | None = None) -> None:
-        """Forget the questions of a page that is closed, or those of a lane."""
+        """Discard the questions of a closed page, or those of a lane."""
         for key in [k for k in self._waiting if k[0] == page and lane in (None, k[1])]:
             del self._waiting[key]
         for worker in self.workers:
@@ -232,7 +231,7 @@ class WorkerPool:
                 self._prepare(worker)
             case Compiling():
                 self._compiles(worker)
-            case Told(answer=answer, final=final) if worker.job is not None:
+            case WorkerMessage(answer=answer, final=final) if worker.job is not None:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
                 if final:
@@ -256,8 +255,8 @@ class WorkerPool:
             job.reply(_COMPILING, False)
 
     def _done(self, worker: Worker, job: Job) -> None:
-        """A worker is free. The others are started when the first has something to show, and not
-        while it needs the processors for that."""
+        """A worker is free. The other workers are started after the first answer, so that they do
+        not compete with it for processors."""
         worker.job = None
         worker.compiling = False
         if job.request.what == _QUICK and not worker.given_up:

@@ -191,7 +191,7 @@ class Explorer:
 
 
 def _on_signal(name: str, act: Callable[[], None]) -> None:
-    """Do something when a signal comes, where the system has it."""
+    """Install a handler of a signal, if the operating system has it."""
     with suppress(NotImplementedError, AttributeError):
         asyncio.get_running_loop().add_signal_handler(getattr(signal, name), act)
 

@@ -93,8 +93,8 @@ class Session:
 
 
 def _packed(parts: list[dict[str, Array]]) -> tuple[list[dict[str, Any]], Array]:
-    """Kind, place and length of every array, and the bytes of all of them; each begins where a
-    number of eight bytes may."""
+    """Kind, offset and length of every array, and the bytes of all of them, aligned to eight
+    bytes."""
     pieces: list[bytes] = []
     places: list[dict[str, Any]] = []
     at = 0

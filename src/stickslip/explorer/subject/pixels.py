@@ -43,7 +43,7 @@ def seen_times(
 
 
 def _kept(times: Array, values: dict[str, Array], knot: Array, even: Array) -> Array:
-    """Numbers of the times that are kept."""
+    """Indices of the selected times."""
     count = int(np.count_nonzero(knot))
     if count > _MOST_KNOTS:
         return _extremes(times, values)
@@ -60,7 +60,7 @@ def _turns(values: Array) -> int:
 
 
 def _extremes(times: Array, values: dict[str, Array]) -> Array:
-    """The first, least, largest and last of every line in each column of the screen."""
+    """The first, smallest, largest and last value of every line in each column of the screen."""
     edges = np.linspace(times[0], times[-1], _COLUMNS + 1)
     column = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, _COLUMNS - 1)
     starts = np.flatnonzero(np.diff(column, prepend=-1))

@@ -15,7 +15,7 @@ from stickslip.model.system import System
 from stickslip.model.system_file import loads
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.cycles.cycle import Cycle
 
@@ -44,8 +44,8 @@ def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
     return system, {name: float(value) for name, value in numbers.items()}
 
 
-def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
-    """The motion that a page shows.
+def shown_motion(setting: PageSetting, cancellation: Cancellation) -> Trajectory:
+    """The motion of a page.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
             initial=setting.initial,
             parameters=numbers,
             max_events=EVENTS_OF_A_PAGE,
-            progress=patience.check,
+            progress=cancellation.check,
         )
         while len(_MOTIONS) >= _KEPT:
             del _MOTIONS[next(iter(_MOTIONS))]
@@ -77,7 +77,7 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
     return found
 
 
-def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
+def settled_cycle(setting: PageSetting, cancellation: Cancellation) -> Cycle:
     """The cycle to which the motion of a page converges.
 
     Raises
@@ -88,7 +88,7 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
     from stickslip.orbits.cycles.find_cycle import find_cycle
 
     system, numbers = system_of(setting)
-    motion = shown_motion(setting, patience)
+    motion = shown_motion(setting, cancellation)
     return find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
 
 

@@ -14,7 +14,7 @@ from stickslip.explorer.subject.results import curves_of
 from stickslip.explorer.subject.systems import settled_cycle, system_of, values_of
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.orbits.continuation.branch import Branch
     from stickslip.orbits.continuation.driver import PointOnTheWay, Tell
 
@@ -22,25 +22,25 @@ _STEP_APART = 1e-9  # of a range, by which its ends are kept off the value in th
 _EVERY = 0.04  # seconds between two messages with new points
 
 
-def follow_branches(request: Request, patience: Patience) -> Iterator[Answer]:
-    """Follow one branch after the other; a missing one is reported."""
+def follow_branches(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
+    """Follow the branches sequentially; a missing one is reported."""
     parameter = request.text("over")
     system, numbers = system_of(request.setting)
     system.declaration.check_range(parameter, values_of(system, numbers).get(parameter, 0.0))
     value = values_of(system, numbers)[parameter]
     span = (request.number("low", 0.5 * value), request.number("high", 2.0 * value))
     for name, follow in FOLLOWED.items():
-        patience.check()
-        coming = _Coming(name, parameter, patience)
+        cancellation.check()
+        coming = _PointStream(name, parameter, cancellation)
         try:
-            branch = follow(request.setting, parameter, span, patience, coming)
+            branch = follow(request.setting, parameter, span, cancellation, coming)
         except StickslipError as error:
             yield Answer({"part": "note", "name": name, "text": f"{name}: {error}"})
             continue
         yield curves_of(branch, name)
 
 
-class _Coming:
+class _PointStream:
     """Send new points to the page in batches.
 
     Parameters
@@ -49,9 +49,9 @@ class _Coming:
         Names of the branch and of its parameter.
     """
 
-    def __init__(self, name: str, over: str, patience: Patience) -> None:
+    def __init__(self, name: str, over: str, cancellation: Cancellation) -> None:
         self._head = {"part": "points", "name": name, "over": over}
-        self._patience = patience
+        self._patience = cancellation
         self._points: list[PointOnTheWay] = []
         self._due = 0.0
 
@@ -67,14 +67,14 @@ class _Coming:
         self._due = time.monotonic() + _EVERY
 
 
-Follow = Callable[[PageSetting, str, tuple[float, float], "Patience", "Tell"], "Branch"]
+Follow = Callable[[PageSetting, str, tuple[float, float], "Cancellation", "Tell"], "Branch"]
 
 
 def _equilibria(
     setting: PageSetting,
     parameter: str,
     span: tuple[float, float],
-    patience: Patience,
+    cancellation: Cancellation,
     tell: Tell,
 ) -> Branch:
     from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
@@ -87,12 +87,12 @@ def _cycles(
     setting: PageSetting,
     parameter: str,
     span: tuple[float, float],
-    patience: Patience,
+    cancellation: Cancellation,
     tell: Tell,
 ) -> Branch:
     from stickslip.orbits.branches.cycle_branch import continue_cycle
 
-    cycle = settled_cycle(setting, patience)
+    cycle = settled_cycle(setting, cancellation)
     value = cycle.parameters[parameter]
     apart = _STEP_APART * (span[1] - span[0])
     around = (min(span[0], value - apart), max(span[1], value + apart))

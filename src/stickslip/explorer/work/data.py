@@ -15,21 +15,21 @@ from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.subject.systems import shown_motion, system_of
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
 
 _MOST = 20_000  # rows of data
 _MOST_FREE = 8  # parameters of a fit
 _STARTS = 4
 
 
-def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
+def compare_data(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Residuals of data at their own times; with the option ``free`` a fit of these parameters."""
     times, values, name = _given(request)
     free = request.options.get("free")
     if free:
-        yield from _fitted(request, patience, times, values, name)
+        yield from _fitted(request, cancellation, times, values, name)
         return
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     inside = (times >= motion.knots.time[0]) & (times <= motion.knots.time[-1])
     if not inside.any():
         raise DeclarationError(
@@ -57,7 +57,7 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def _fitted(
-    request: Request, patience: Patience, times: Array, values: Array, name: str
+    request: Request, cancellation: Cancellation, times: Array, values: Array, name: str
 ) -> Iterator[Answer]:
     from stickslip.fitting.making import fit
 
@@ -76,7 +76,7 @@ def _fitted(
         parameters=numbers,
         initial=dict(request.setting.initial) or None,
         starts=_STARTS,
-        progress=patience.check,
+        progress=cancellation.check,
     )
     said: dict[str, Any] = verdict(found)
     best = {key: value for key, value in found.estimate.items() if key in free}

@@ -23,7 +23,7 @@ from stickslip.explorer.subject.systems import check_no_files
 from stickslip.explorer.work.model import parameter_rows
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.rate_independent.evolution.evolution import Evolution
     from stickslip.rate_independent.evolution.history import History
     from stickslip.rate_independent.evolution.model import EvolutionModel
@@ -37,7 +37,7 @@ _SETS = 12  # of these that are drawn in the plane
 _RAYS = 360  # points of a boundary
 
 
-def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
+def follow_evolution(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """The declaration with its sets; then the averaged motion; then the motion itself.
 
     Raises
@@ -65,7 +65,7 @@ def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
     for averaged in (True, False) if model.is_evolution else ():
         part = "averaged" if averaged else "resolved"
         try:
-            found = evolved(model, averaged, patience.check)
+            found = evolved(model, averaged, cancellation.check)
         except StickslipError as error:
             yield Answer({"part": part, "reason": str(error)})
             continue
@@ -75,7 +75,7 @@ def follow_evolution(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def _configured(request: Request) -> EvolutionModel:
-    """The model of a page, with the numbers that it has set."""
+    """The model of a page, with its parameter values."""
     given = request.options.get("values", {})
     if not isinstance(given, dict):
         raise DeclarationError("values", "not a table", "Reload the page")
@@ -126,8 +126,8 @@ def _costs(model: EvolutionModel, shown: int) -> tuple[list[dict[str, Any]], dic
 
 
 def _drawn(found: History | Play) -> tuple[Array, Array]:
-    """Times and states (m, n) of a motion, as many as are seen; switches of a play are among
-    them."""
+    """Times and states (m, n) of a motion at the resolution of the screen, including the switches
+    of a play."""
     from stickslip.rate_independent.play.operator import Play
 
     if isinstance(found, Play):
@@ -139,7 +139,7 @@ def _drawn(found: History | Play) -> tuple[Array, Array]:
 
 
 def _motion(problem: Evolution, times: Array, states: Array, shown: int) -> dict[str, Array]:
-    """States, and forces ℓ − A z, which friction holds."""
+    """States, and forces ℓ − A z, which friction balances."""
     forces = problem.ell.over(times) - (problem.A @ states.T).T
     arrays = {"t": times, "phase": times / problem.epsilon % 1.0}
     for i in range(shown):

@@ -21,11 +21,11 @@ from stickslip.explorer.asking.request import PageSetting, Request
 from stickslip.explorer.subject.systems import shown_motion, shown_span, system_of
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
 
 
-def exported_page(request: Request, patience: Patience) -> Iterator[Answer]:
+def exported_page(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """A text, or a file in bytes.
 
     Raises
@@ -41,7 +41,7 @@ def exported_page(request: Request, patience: Patience) -> Iterator[Answer]:
         raise DeclarationError(
             "form", f"unknown format '{form}'", f"Use {', '.join([*TEXTS, *FILES])}"
         )
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     data = FILES[form](motion)
     if len(data) > MOST_EXPORT:
         raise StickslipError(

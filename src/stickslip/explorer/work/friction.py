@@ -1,8 +1,8 @@
 """Effective friction: the stable set K(t) of forces along a motion, and its average.
 
 Friction that oscillates fast is, in the limit, that of the set of all forces that hold at every
-phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. The
-phases at whose edges it touches do the moving.
+phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. Motion
+occurs at the phases whose boundaries the intersection touches.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from stickslip.explorer.work.motion import force_lines
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
 
 _SAMPLES = 1600
 _MOST = 6  # contacts that are shown
 
 
-def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]:
+def effective_friction(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Thresholds and forces over one period of the limit cycle, or over the second half of the
     motion if it does not repeat.
 
@@ -37,7 +37,7 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
     DeclarationError
         If no contact is dry.
     """
-    motion, about = _settled(request, patience)
+    motion, about = _settled(request, cancellation)
     system = motion.system
     modes = motion.modes
     shown = [
@@ -82,12 +82,12 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
     yield Answer({"part": "friction", **about, "contacts": contacts, "samples": len(times)}, arrays)
 
 
-def _settled(request: Request, patience: Patience) -> tuple[Trajectory, dict[str, Any]]:
+def _settled(request: Request, cancellation: Cancellation) -> tuple[Trajectory, dict[str, Any]]:
     """The motion to show, and its description."""
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     unit = unicode_unit(motion.system.time_unit)
     try:
-        cycle = settled_cycle(request.setting, patience)
+        cycle = settled_cycle(request.setting, cancellation)
     except StickslipError:
         return motion, {"period": None, "time_unit": unit}
     return cycle.trajectory, {"period": cycle.period, "time_unit": unit}

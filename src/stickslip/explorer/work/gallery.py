@@ -1,4 +1,4 @@
-"""Pictures of the catalogue, one for each system."""
+"""Figures of the catalogue, one for each system."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from stickslip.explorer.drawings.draw import scene_of
 from stickslip.motion.simulate import simulate
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
 
 _PLACE = 0.37  # of a short motion, where something is to be seen
 _PART = 0.15  # of the usual span
 
 
-def draw_gallery(request: Request, patience: Patience) -> Iterator[Answer]:
+def draw_gallery(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """A figure, a title and a source for every system of the catalogue."""
     for name in catalogue.names():
-        patience.check()
+        cancellation.check()
         system = catalogue.get(name)
         said = {"name": name, "title": system.title or name, "source": system.source}
         start, end = map(float, system.span)

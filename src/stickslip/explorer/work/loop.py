@@ -17,7 +17,7 @@ from stickslip.explorer.asking.answer import (
     Answer,
     Compiling,
     Ready,
-    Told,
+    WorkerMessage,
     receive_frame,
     refusal,
     send_frame,
@@ -43,11 +43,11 @@ TASKS = {
 }
 
 
-class NoLongerWanted(Exception):
-    """Nobody waits for the answer any more."""
+class Cancelled(Exception):
+    """The answer is no longer needed."""
 
 
-class Patience:
+class Cancellation:
     """Test of whether an answer is still needed, called periodically by long computations."""
 
     def __init__(self) -> None:
@@ -67,33 +67,33 @@ class Patience:
 
         Raises
         ------
-        NoLongerWanted
+        Cancelled
         """
         if self._over.is_set():
-            raise NoLongerWanted
+            raise Cancelled
 
     def progress(self, head: Mapping[str, object]) -> None:
-        """Say how far a long answer is.
+        """Report the progress of a long answer.
 
         Raises
         ------
-        NoLongerWanted
+        Cancelled
         """
         self.check()
         self.tell(Answer(head))
 
     def pause(self, seconds: float) -> None:
-        """Wait whether a newer question comes, which then comes first.
+        """Wait briefly for a newer question, which takes precedence.
 
         Raises
         ------
-        NoLongerWanted
+        Cancelled
         """
         if self._over.wait(seconds):
-            raise NoLongerWanted
+            raise Cancelled
 
 
-Answerer = Callable[[Request, Patience], Iterator[Answer]]
+Answerer = Callable[[Request, Cancellation], Iterator[Answer]]
 
 
 def serve_pipe() -> None:
@@ -105,23 +105,25 @@ def serve_pipe() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the pipe
     warnings.simplefilter("ignore")
     limit_memory()
-    patience = Patience()
+    cancellation = Cancellation()
     questions: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(source, questions, patience), daemon=True).start()
+    threading.Thread(target=_listen, args=(source, questions, cancellation), daemon=True).start()
     import_module(f"{_ROOM}.motion")
     shelf.listeners.append(lambda: send_frame(sink, Compiling()))
     send_frame(sink, Ready())
     while (request := questions.get()) is not None:
-        patience.renew()
+        cancellation.renew()
         serial = request.serial
-        patience.tell = lambda answer, serial=serial: send_frame(sink, Told(serial, answer))
-        for answer in answers(request, patience):
-            send_frame(sink, Told(request.serial, answer))
-        send_frame(sink, Told(request.serial, None, final=True))
+        cancellation.tell = lambda answer, serial=serial: send_frame(
+            sink, WorkerMessage(serial, answer)
+        )
+        for answer in answers(request, cancellation):
+            send_frame(sink, WorkerMessage(request.serial, answer))
+        send_frame(sink, WorkerMessage(request.serial, None, final=True))
     os._exit(0)  # not waiting for anything
 
 
-def answers(request: Request, patience: Patience) -> Iterator[Answer]:
+def answers(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """The parts of an answer, or an error message; never an exception."""
     try:
         if request.what not in TASKS:
@@ -129,10 +131,10 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
             return
         module, _, name = TASKS[request.what].partition(":")
         work: Answerer = getattr(import_module(f"{_ROOM}.{module}"), name)
-        for answer in work(request, patience):
+        for answer in work(request, cancellation):
             yield answer
-            patience.check()
-    except NoLongerWanted:
+            cancellation.check()
+    except Cancelled:
         return
     except StickslipError as error:
         yield refusal(error)
@@ -156,15 +158,17 @@ def limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
 
 
-def _listen(source: IO[bytes], questions: queue.SimpleQueue[Any], patience: Patience) -> None:
-    """Take questions from the pipe; None means that the last one is no longer of interest."""
+def _listen(
+    source: IO[bytes], questions: queue.SimpleQueue[Any], cancellation: Cancellation
+) -> None:
+    """Read questions from the pipe; None cancels the last one."""
     try:
         while True:
             said = receive_frame(source)
             if said is None:
-                patience.end()
+                cancellation.end()
             else:
                 questions.put(said)
     except (EOFError, OSError):
-        patience.end()
+        cancellation.end()
         questions.put(None)

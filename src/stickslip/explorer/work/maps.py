@@ -16,13 +16,13 @@ from stickslip.explorer.subject.systems import system_of
 from stickslip.explorer.work.export import model_of
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
 
 _ROUNDS = (9, 17, 33, 65)  # points along each axis
 _GOES_ON = 200  # of the command that goes on
 
 
-def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
+def fill_map(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Maps on finer and finer grids.
 
     Raises
@@ -53,7 +53,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         over = {name: f"{low!r}:{high!r}:{count}" for name, low, high in axes}
         found = sweep(
             own, over, [measure], initial=dict(request.setting.initial) or None, workers=1,
-            progress=lambda state, count=count: patience.progress(
+            progress=lambda state, count=count: cancellation.progress(
                 {"part": "progress", "share": state.done / state.total, "points": count}
             ),
         )  # fmt: skip
@@ -89,7 +89,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         )
 
 
-def offer_measures(request: Request, patience: Patience) -> Iterator[Answer]:
+def offer_measures(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Measures that a map may show, the most common ones first."""
     from stickslip.sweeps.request.user_measures import offered_measures
 
@@ -103,7 +103,7 @@ def offer_measures(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def _command(request: Request, axes: list[tuple[str, float, float]], measure: str) -> str:
-    """The same as a command, finer."""
+    """The command of the same map with a finer grid."""
     words = ["stickslip", "sweep", model_of(request.setting)]
     over = {name for name, _, _ in axes}
     for name, value in request.setting.values.items():

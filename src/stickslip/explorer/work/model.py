@@ -1,4 +1,4 @@
-"""A model as a page shows it: equations, parameters, functions, initial values."""
+"""The description of a model for a page: equations, parameters, functions, initial values."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from stickslip.model.system import Parameter, System
 from stickslip.symbolic.formulas import parse_signature
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
 
 _DIVISIONS = 200  # of a slider
 _MOST_UNKNOWNS = 8  # of a structure, with places and rates to start from
 _GRAPH = 81  # points of the small graph of a function
 
 
-def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
+def describe_model(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Description of a model for a page."""
     system, numbers = system_of(request.setting)
     graphs, arrays = _graphs(system, values_of(system, numbers))
@@ -54,7 +54,7 @@ def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
 
 
 def parameter_rows(parameters: Mapping[str, Parameter]) -> list[dict[str, Any]]:
-    """Parameters as a page shows them: with their units, meanings, and the ends of a slider."""
+    """Parameters for a page, with their units, meanings, and the ends of their sliders."""
     found = []
     for name, p in parameters.items():
         admissible = parse_range(p.range, f"parameters.{name}")
@@ -93,7 +93,7 @@ def _slider(
 
 
 def _step(width: float) -> float:
-    """About a two-hundredth of a width, as 1, 2 or 5 times a power of ten."""
+    """About 1/200 of a width, rounded to 1, 2 or 5 times a power of ten."""
     rough = width / _DIVISIONS or 1.0
     power = 10.0 ** math.floor(math.log10(rough))
     return next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * 0.999)
@@ -122,8 +122,8 @@ def _functions(system: System, graphs: dict[str, list[float]]) -> list[dict[str,
 def _graphs(
     system: System, values: dict[str, float]
 ) -> tuple[dict[str, list[float]], dict[str, Array]]:
-    """A small graph of each function of one variable: over the time for a drive, else about the
-    values that its argument has at the start."""
+    """A small graph of each function of one variable: over the time for a drive, otherwise around
+    the initial value of its argument."""
     ends: dict[str, list[float]] = {}
     arrays: dict[str, Array] = {}
     for key in [*system.functions, *system.drives]:

@@ -21,7 +21,7 @@ from stickslip.explorer.subject.systems import shown_motion
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.model.system import System
     from stickslip.motion.trajectory import Trajectory
 
@@ -30,12 +30,12 @@ _SOON = 0.04  # seconds in which a newer motion may be asked for before this one
 _STICKS = 0
 
 
-def move(request: Request, patience: Patience) -> Iterator[Answer]:
+def move(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """The motion of a page; then, unless there is a newer request, its certificate."""
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     yield _seen(motion, _window(request, motion))
     if request.options.get("window") is None:
-        patience.pause(_SOON)
+        cancellation.pause(_SOON)
         yield Answer(verdict(motion))
 
 
@@ -106,7 +106,7 @@ def lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...])
 
 
 def unit_of(system: System, name: str) -> str:
-    """The unit of a quantity, as it is printed."""
+    """The unit of a quantity, in printed form."""
     return unicode_unit(quantity(system, name).get("units", ""))
 
 
@@ -150,8 +150,8 @@ def force_lines(parts: tuple[str, ...], part: str) -> list[str]:
 
 
 def stick_phases(motion: Trajectory) -> dict[str, Array]:
-    """Begins and ends of the stick phases of each contact, and of those in which all stick, exactly
-    as they were found; and all switches."""
+    """Exact starts and ends of the stick phases of each contact, and of those in which all stick;
+    and all switches."""
     knots = motion.knots.time
     found: dict[str, Array] = {}
     every = np.ones(len(knots), bool)
@@ -168,7 +168,7 @@ def stick_phases(motion: Trajectory) -> dict[str, Array]:
 
 
 def _runs(knots: Array, holds: Array) -> Array:
-    """Begins and ends of the times in which something holds from knots on, flattened."""
+    """Starts and ends of the intervals in which a condition on knots holds, flattened."""
     padded = np.concatenate([[False], holds[:-1], [False]]).astype(np.int8)
     edges = np.flatnonzero(np.diff(padded))
     return knots[edges]

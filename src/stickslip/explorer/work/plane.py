@@ -15,19 +15,19 @@ from stickslip.explorer.asking.request import Request
 from stickslip.explorer.subject.systems import settled_cycle, shown_motion, system_of
 
 if TYPE_CHECKING:
-    from stickslip.explorer.work.loop import Patience
+    from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
 
 _TURN = 1200  # points of a cycle
 _MOST = 2000  # points of a section
 
 
-def long_run_in_plane(request: Request, patience: Patience) -> Iterator[Answer]:
+def long_run_in_plane(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     """Equilibria first, then the cycle, if there are any."""
     from stickslip.orbits.equilibria.finding import equilibria
 
     system, numbers = system_of(request.setting)
-    motion = shown_motion(request.setting, patience)
+    motion = shown_motion(request.setting, cancellation)
     head: dict[str, Any] = {"part": "plane", "equilibria": [], "cycle": "", "notes": []}
     arrays = _section(motion)
     try:
@@ -37,9 +37,9 @@ def long_run_in_plane(request: Request, patience: Patience) -> Iterator[Answer]:
     except StickslipError as error:
         head["notes"].append(f"Equilibria: {error}")
     yield Answer(head, arrays)
-    patience.check()
+    cancellation.check()
     try:
-        cycle = settled_cycle(request.setting, patience)
+        cycle = settled_cycle(request.setting, cancellation)
     except StickslipError as error:
         head["notes"].append(f"Cycle: {error}")
     else:

@@ -32,7 +32,7 @@ def label_of_several(names: Sequence[str], unit: str) -> str:
 
 
 def set_roomy_limits(axes: Axes, values: Array) -> None:
-    """Limits with some air, also for a constant."""
+    """Set limits with a margin, also for a constant."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     air = 0.07 * (high - low)
@@ -49,5 +49,5 @@ def label_rows(axes: Axes, labels: list[str]) -> None:
 
 
 def spread_out(count: int) -> range:
-    """Numbers of at most eight of many things, evenly from the first on."""
+    """Indices of at most eight of many items, evenly spaced from the first."""
     return range(0, count, -(-count // 8))

@@ -83,7 +83,7 @@ def cell_edges(values: Array, log: bool = False) -> Array:
 def fill_cells(
     axes: Axes, edges: tuple[Array, Array], values: Array, scale: ColourScale, **more: Any
 ) -> Any:
-    """Colour cells by a scale; those without a number stay as they are.
+    """Colour cells by a scale, except those without a number.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def fill_cells(
 
 
 def hatch_cells(axes: Axes, edges: tuple[Array, Array], where: Array, hatch: str) -> None:
-    """Hatch cells, exactly these.
+    """Hatch given cells, clipped at their boundaries.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def _set_width(patch: Patch, width: float) -> bool:
 
 
 def doubtful(data: xarray.Dataset, name: str) -> dict[str, Array]:
-    """Points that are not certified, by their hatching: those that have not settled, with a value
-    or without one, and others that have a value of the measure all the same."""
+    """Points without a certificate, by their hatching: those that have not settled, with or without
+    a value, and others with a value of the measure."""
     outcome = data["outcome"].values
     found = {hatch: outcome == kind.code for kind, hatch in HATCHES.items()}
     rest = uncertified(data, name) & (outcome != NOT_COMPUTED)

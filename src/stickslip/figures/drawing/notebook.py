@@ -1,4 +1,4 @@
-"""Pictures inside a page of HTML, such as a notebook."""
+"""Figures inside an HTML page, such as a notebook."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ _SPHERE = 4001  # directions of a face
 
 @dataclass(frozen=True)
 class InPlane:
-    """A contact in a plane of one motion: the quantities that its pictures are made of.
+    """A planar contact of one motion: the quantities for its figures.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class InPlane:
 
     @cached_property
     def axes(self) -> tuple[float, ...]:
-        """Half axes of its set of forces, in parts of the threshold."""
+        """Half-axes of its set of forces, relative to the threshold."""
         return tuple(ex.evaluate(c.axis, self.trajectory.parameters) for c in self._declared)
 
     @cached_property
@@ -87,7 +87,7 @@ class InPlane:
 
     @cached_property
     def directions(self) -> tuple[dict[str, float], dict[str, float]] | None:
-        """Weights of the coordinates in both components of the path; None if they change, or there
+        """Weights of the coordinates in both components of the path; None if they vary, or there
         are none."""
         given = self.trajectory.parameters
         if self._declared[0].prescribed:
@@ -105,13 +105,14 @@ class InPlane:
         return [f"{kind}_{part}" for part in self.parts for kind in ("friction", "threshold")]
 
     def force(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Both components of the friction force; of a face its size in the plane, and a moment."""
+        """Both components of the friction force; for a face its size in the plane, and the
+        moment."""
         first, second, *third = (values[f"friction_{part}"] for part in self.parts)
         return (np.hypot(first, second), third[0]) if third else (first, second)
 
     def bounds(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Half axes of the set of forces, in units of a force; of a formula the threshold, of which
-        the outline is a multiple."""
+        """Half-axes of the set of forces, in units of a force; for a formula the threshold, which
+        scales the outline."""
         bounds = [values[f"threshold_{part}"] for part in self.parts]
         if self.formula is not None:
             axes = np.eye(len(self.parts))
@@ -123,7 +124,7 @@ class InPlane:
 
     @property
     def formula(self) -> ConvexFormula | None:
-        """Its dissipation, where that is a formula."""
+        """Its dissipation, if that is a formula."""
         return self._declared[0].dissipation
 
     @property
@@ -134,7 +135,7 @@ class InPlane:
 
     @cached_property
     def outline(self) -> Array:
-        """The border of the set of forces, in parts of :meth:`bounds`, shape (points, 2)."""
+        """The boundary of the set of forces, relative to :meth:`bounds`, shape (points, 2)."""
         if self.formula is None:
             angle = np.linspace(0.0, 2.0 * np.pi, _ROUND)
             return np.column_stack([np.cos(angle), np.sin(angle)])
@@ -154,8 +155,8 @@ class InPlane:
 
     @cached_property
     def _ways(self) -> Array:
-        """Directions all over an ellipsoid, shape (points, 3), by the golden angle: of velocities
-        that dissipate alike along the axes."""
+        """Directions distributed over an ellipsoid, shape (points, 3), by the golden angle, for
+        velocities with equal dissipation along the axes."""
         assert self.formula is not None
         along = [self.formula.numbers([*e, *self._others])[0] for e in np.eye(3)]
         k = np.arange(_SPHERE) + 0.5
@@ -166,7 +167,7 @@ class InPlane:
 
     @cached_property
     def _surface(self) -> Array:
-        """The forces of a face against slips in these directions, in parts of :meth:`bounds`."""
+        """The forces of a face against slips in these directions, relative to :meth:`bounds`."""
         assert self.formula is not None
         from stickslip.symbolic.evaluator import evaluator
 
@@ -175,7 +176,7 @@ class InPlane:
         return -gradient([*self._ways.T, *others]).T
 
     def _share(self, values: Mapping[str, Array]) -> Array:
-        """The part of its limit surface that the force of a face is at."""
+        """The force of a face as a fraction of its limit surface."""
         forces = np.column_stack([values[f"friction_{part}"] for part in self.parts])
         outward = -self._ways
         most = np.einsum("ij,ij->i", self._surface, outward)
@@ -183,8 +184,8 @@ class InPlane:
         return np.array(found) / self.bounds(values)[0]
 
     def size(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """abs(A⁻¹λ), and the threshold that bounds it; of a formula abs(λ), and the largest force
-        of that direction; of a face the part of its limit surface, and 1."""
+        """abs(A⁻¹λ), and the threshold that bounds it; for a formula abs(λ), and the largest force
+        in that direction; for a face the fraction of its limit surface, and 1."""
         if self.turns:
             share = self._share(values)
             return share, np.ones_like(share)
@@ -303,11 +304,11 @@ class PlaneCurves:
             reach[1] = np.maximum(reach[1], np.max(bounds, axis=1))
 
     def along(self, plane: InPlane) -> list[str]:
-        """Contacts that have the same path, such as two belts below one parcel."""
+        """Contacts with the same path, such as two belts below one parcel."""
         return [other.key for other in self.planes if other.directions == plane.directions]
 
     def paths(self) -> list[InPlane]:
-        """Contacts whose paths differ."""
+        """Contacts with distinct paths."""
         found: list[InPlane] = []
         for plane in self.planes:
             if plane.key in self.path and all(p.directions != plane.directions for p in found):
@@ -356,7 +357,7 @@ class PlaneCurves:
 
 
 def _broken(x: Array, y: Array, rests: Array, joined: Array) -> tuple[Array, Array, Array, Array]:
-    """A curve that has a gap where rest and motion change: forces jump there."""
+    """A curve with gaps between rest and motion, where forces jump."""
     at = np.flatnonzero(rests[1:] != rests[:-1]) + 1
     joined = joined.copy()
     joined[at - 1] = False
@@ -369,7 +370,7 @@ def _broken(x: Array, y: Array, rests: Array, joined: Array) -> tuple[Array, Arr
 
 
 def _box(plane: InPlane, sampled: SampledMotion) -> tuple[Array, Array]:
-    """Corners of a rectangle that is about as large as the forces."""
+    """Corners of a rectangle of about the size of the forces."""
     motion = plane.trajectory
     some = np.unique(np.linspace(0, sampled.steps - 1, 200).astype(int))
     names = [f"threshold_{part}" for part in plane.parts]

@@ -122,7 +122,7 @@ def _named(data: xarray.Dataset, along: str) -> bool:
 
 
 def _coordinate(data: xarray.Dataset, along: str) -> np.ndarray:
-    """Values along the dimension; numbers from 0 on, if it has none."""
+    """Values along the dimension; indices, if it has no coordinate."""
     if along in data.coords and not _named(data, along):
         return data[along].values.astype(float)
     return np.arange(data.sizes[along], dtype=float)

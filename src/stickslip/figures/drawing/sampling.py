@@ -76,7 +76,7 @@ class SampledMotion:
         self.count = int(np.sum(self._number))
 
     def sampled(self, names: list[str]) -> Iterator[tuple[Array, Array, dict[str, Array]]]:
-        """Times, the step that each belongs to, and values; piece by piece."""
+        """Times, their steps, and values, in pieces."""
         for i in range(0, len(self._chosen), self._at_once):
             some, number = (part[i : i + self._at_once] for part in (self._chosen, self._number))
             steps = np.repeat(some, number)

@@ -222,7 +222,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def root_of(axes: Axes) -> Figure:
-    """The figure that axes belong to, also where they are in a part of it."""
+    """The figure of axes, also if they are in a subfigure."""
     figure = axes.get_figure(root=True)
     assert figure is not None, "the axes were removed from their figure"
     return figure
@@ -235,7 +235,7 @@ def line_colours(count: int) -> list[str]:
 
 
 def level_colours(count: int) -> list[str]:
-    """Colours for lines that have an order: a perceptually uniform range, not too light."""
+    """Colours for ordered lines: a perceptually uniform range, not too light."""
     if count == 1:
         return [BLUE]
     colours = mpl.colormaps["viridis"]
@@ -285,7 +285,7 @@ def powers_in_labels(figure: Figure) -> None:
 
 
 def _with_power(axis: Axis, power: int) -> None:
-    """Say a power in the label of an axis."""
+    """Write a power of ten in the label of an axis."""
     axis.offsetText.set_visible(False)
     label = axis.get_label_text()
     if not label:
@@ -307,7 +307,7 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
     corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
 
     def place(columns: int) -> float:
-        """Draw the legend, row by row; how much of the width it takes."""
+        """Draw the legend with a given number of columns; return its fraction of the width."""
         # Legends are filled column by column, and are read row by row.
         columns = -(-len(shown) // -(-len(shown) // columns))
         artists, labels = zip(

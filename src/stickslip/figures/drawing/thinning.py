@@ -27,8 +27,8 @@ MOST_PIECES = 100_000  # of a curve
 
 
 class Columns:
-    """First, least, largest and last value of quantities in each column of a time axis, collected
-    bit by bit.
+    """First, smallest, largest and last value of quantities in each column of a time axis,
+    collected incrementally.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Columns:
         self._kept: dict[str, Array] = {}
 
     def absorb(self, t: Array, values: Mapping[str, Array]) -> None:
-        """Take note of values at times in ascending order."""
+        """Add values at times in ascending order."""
         column = np.minimum((COLUMNS * ((t - self.start) / self.width)).astype(int), COLUMNS - 1)
         firsts = np.flatnonzero(np.diff(column, prepend=-1))
         lasts = np.append(firsts[1:], len(t)) - 1
@@ -75,8 +75,8 @@ class Columns:
 
 
 def chosen(time: Array, most: int) -> Array:
-    """Numbers of the steps between given times that are looked at: all, or so many in a row in each
-    column."""
+    """Numbers of the sampled steps between given times: all, or a number of consecutive ones in
+    each column."""
     steps = len(time) - 1
     if steps <= most:
         return np.arange(steps)
@@ -87,7 +87,7 @@ def chosen(time: Array, most: int) -> Array:
 
 
 def thin(t: Array, values: Mapping[str, Array]) -> tuple[Array, dict[str, Array]]:
-    """Times and values for lines: as they are, or four points for each column of the axis."""
+    """Times and values for lines: all, or four points for each column of the axis."""
     if len(t) <= FEW:
         return t, dict(values)
     columns = Columns(float(t[0]), float(t[-1]))
@@ -104,7 +104,7 @@ def strip(
     transform: Transform | None = None,
     zorder: float = 0.0,
 ) -> None:
-    """Colour a strip where conditions hold that exclude each other.
+    """Colour a strip by mutually exclusive conditions.
 
     Parameters
     ----------
@@ -149,13 +149,13 @@ def _runs(holds: Array) -> Array:
 
 
 def _shares(time: Array, holds: Array, edges: Array) -> Array:
-    """Share of each column in which a condition on steps holds, exactly."""
+    """Exact fraction of each column in which a condition on steps holds."""
     sums = np.concatenate([[0.0], np.cumsum(np.where(holds, np.diff(time), 0.0))])
     return np.clip(np.diff(np.interp(edges, time, sums)) / np.diff(edges), 0.0, 1.0)
 
 
 class Curve:
-    """A curve in the plane with moving and resting parts, collected bit by bit.
+    """A curve in the plane with moving and resting parts, collected incrementally.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class Curve:
         return x, y, np.repeat(pieces[:, 4] > 0.0, 3)
 
     def spots(self) -> tuple[Array, Array]:
-        """Points at which the curve rests without moving, one for each pixel: there the line is a
+        """Points at which the curve rests, one for each pixel, where the line reduces to a
         point."""
         x, y = np.vstack(self._spots).T
         _, first = np.unique(self._pixel(x, y), return_index=True)
@@ -226,8 +226,8 @@ class Curve:
         return column * (16 * pixels) + row
 
     def _merge(self) -> Array:
-        """Every piece once; up to the size of larger pixels if they are still too many, but the
-        outermost ones."""
+        """Distinct pieces; with larger pixels if they are still too many, except the outermost
+        ones."""
         pieces = np.vstack(self._parts)
         pixels = PIXELS
         while True:
@@ -255,6 +255,6 @@ class Curve:
 
 
 def _first(begin: Array, end: Array, kind: Array) -> Array:
-    """The first of all pieces of a kind that begin in the same pixel and end in the same pixel."""
+    """The first of all pieces of a kind with the same first and last pixel."""
     _, first = np.unique(2 * ((begin << 28) + end) + kind, return_index=True)
     return first

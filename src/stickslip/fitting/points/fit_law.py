@@ -1,10 +1,10 @@
 """A friction law fitted to measured points of force over speed.
 
-The points become a record: a surface that is given moves under the law through all measured speeds,
-one after the other, and the force of the law is compared with the measured ones at these times. So
-a law is fitted as systems are, with exact derivatives, several starts, intervals and tests. The
-points are in the order of their speeds, so that residuals that are alike in neighbours show a law
-that does not fit.
+The points are converted to a record: a surface with prescribed motion passes through all measured
+speeds, and the force of the law is compared with the measured ones at these times. So a law is
+fitted as systems are, with exact derivatives, several starts, intervals and tests. The points are
+in the order of their speeds, so that residuals that are alike in neighbours show a law that does
+not fit.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class LawFit(Fit):
         return self.law(direction, surface_speed=surface_speed, unit=unit, **values)
 
     def at(self, speeds: ArrayLike) -> Any:
-        """Forces of the fitted law at speeds that are not zero."""
+        """Forces of the fitted law at nonzero speeds."""
         v = np.asarray(speeds, float)
         plain = self.declared.plain
         kinetic = plain.dry_contacts[_CONTACT].kinetic
@@ -194,7 +194,7 @@ def fit_law(
 
 
 def _moved_through(v: Array, F: Array, law: FrictionLaw, given: Mapping[str, float]) -> System:
-    """A contact between motions that are given, which goes through all speeds."""
+    """A contact with prescribed motion that passes through all speeds."""
     largest, fastest = float(np.max(np.abs(F))), float(np.max(np.abs(v)))
     guesses = {
         "F_s": _HELD * largest,

@@ -47,7 +47,7 @@ _NO_SLOPE = 1e-7  # slope of the parameter along the curve that is that of a fol
 
 
 class OutOfChart(StickslipError):
-    """A cycle on which the station of the chart has no place any more."""
+    """The station of the chart is no longer on the cycle."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Extent:
 
 
 def extent_of(closed: Closed, parameter: str, span: tuple[float, float]) -> Extent:
-    """Sizes of a branch that starts in a cycle."""
+    """Scales of a branch that starts at a cycle."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
     modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
     halved = min(_HALVED, max(0.3 * half_gap(closed), NOT_CLOSED))
@@ -130,11 +130,11 @@ class Chart:
         return orbit.F, orbit.J
 
     def orbit(self, x: Array) -> Orbit:
-        """The orbit of some unknowns."""
+        """The orbit of given unknowns."""
         return self.closed(x).orbit
 
     def closed(self, x: Array) -> Closed:
-        """The cycle of some unknowns."""
+        """The closed cycle of given unknowns."""
         key = x.tobytes()
         if key not in self.candidates:
             self.candidates[key] = Closed(self.shooting, self.shooting.orbit(x))
@@ -152,29 +152,28 @@ class Chart:
         return self.cycles[key]
 
     def along(self, start: Point, distance: float, tolerance: float, near: Array) -> Array:
-        """Unknowns at a distance from a point, measured along its tangent; they are near some
-        others."""
+        """Unknowns at a distance from a point, measured along its tangent, corrected from a
+        guess."""
         units, tangent = start.units, start.heading
         guess = start.x + units * tangent * distance
         return correct(self, guess, units, tangent, tolerance, near, KNOWN_TO, CLOSES_TO)
 
     def bent(self, start: Point, end: Point, distance: float) -> Array:
-        """About where the curve is at a distance from a point, on the way to another one."""
+        """Guess of the curve at a distance from a point, on the way to another one."""
         return curve_between(start, end, start.units, start.heading, distance)
 
     def to_smaller_cycles(self, factor: float) -> Chart:
-        """The same chart on a branch that may shrink further before it is about to vanish."""
+        """The same chart with a smaller amplitude limit."""
         return replace(self, extent=replace(self.extent, least=factor * self.extent.least))
 
     def resting_as(self, motion: Trajectory) -> Chart:
-        """The same coordinates for cycles on which the same contacts stick throughout as in a
-        motion."""
+        """The same coordinates for cycles on which the contacts of a motion stick throughout."""
         held = held_positions(motion, self.shooting.setting.held)
         return self if same_held(self.shooting.setting.held, held) else self.with_held(held)
 
     def carrying(self, contact: int, edge: int) -> Chart:
-        """The same coordinates for cycles on which a contact is carried along an edge, or (0) stays
-        where it is."""
+        """The same coordinates for cycles on which a contact is carried along at an edge, or (0)
+        keeps its position."""
         held = self.shooting.setting.held
         return self.with_held(
             tuple(replace(h, edge=edge) if h.contact == contact else h for h in held)
@@ -277,7 +276,7 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
     """Functions that vanish with a multiplier −1, a pair on the unit circle, and a multiplier 1
-    that is no fold."""
+    that is not a fold."""
     one, other = np.triu_indices(len(multipliers), 1)
     pairs = multipliers[one] * multipliers[other]
     branching = np.prod((multipliers - 1.0) / (1.0 + np.abs(multipliers))).real
@@ -324,7 +323,7 @@ def chart_sizes(closed: Closed, extent: Extent) -> Array:
 
 
 def _carried(shooting: Shooting, orbit: Orbit, tangent: Array, begin: float) -> Array:
-    """Change of the state at a time within the period that belongs to a change of the unknowns."""
+    """Change of the state at a time within the period for a change of the unknowns."""
     n = len(orbit.shift)
     part = (begin - shooting.start) / orbit.period
     j = max(i for i, leg in enumerate(orbit.legs) if leg.begin <= part)

@@ -124,8 +124,8 @@ class Corner:
 def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corner | None:
     """The corner within some length after a point.
 
-    None if the sequence does not change there, or if the branch turns by more than an angle, or
-    back, or something else happens before it does: that has to be resolved first.
+    None if the sequence does not change there, or if another event, a large rotation or a reversal
+    of the branch comes first, which must be resolved before.
     """
     here = sequence(chart.orbit(point.x).motion)
     before = _unit(chart, point.x, point.tangent)
@@ -200,7 +200,7 @@ _Ray = tuple[Chart, Array, Array]
 def _to_the_onset(ray: _Ray) -> float:
     """Position along a ray at which the margin of the contact that begins to stick vanishes.
 
-    A stick that is too short to count begins before the sequence changes.
+    A stick that is too short to be counted begins before the sequence changes.
     """
     chart, y, _ = ray
     pieces = chart.shooting.pieces
@@ -279,10 +279,11 @@ def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
 def _carried(
     chart: Chart, x: Array, tangent: Array, trial: Array, after: Sequence, distance: float
 ) -> tuple[int, int] | None:
-    """The contact that has stuck throughout and only slips one way just beyond a corner, and which
-    way.
+    """The contact that sticks throughout up to a corner and slips in one direction just beyond it,
+    with the direction.
 
-    A bit further it may slip both ways, as it does where it rests in the middle between its edges.
+    Slightly further it may slip in both directions, as it does if it rests midway between its
+    edges.
     """
     further = _sequence_at(chart, x + chart.scale(x) * tangent * _FURTHER * distance)
     for held in chart.shooting.setting.held:
@@ -324,7 +325,7 @@ def _along_the_edge(
 def _approach(
     chart: Chart, x: Array, tangent: Array, here: Sequence, reach: float
 ) -> tuple[Array, Array, Array] | None:
-    """The last point of this side, one a little before, and the tangent; None if there is no end
+    """The last point of this side, one slightly before, and the tangent; None if there is no end
     within reach."""
     passed = 0.0
     step = 0.25 * reach
@@ -395,8 +396,8 @@ def _onward(
     here: Sequence,
     lengths: tuple[float, ...] = _ONWARD,
 ) -> BeyondCorner | None:
-    """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
-    there; not on the way back."""
+    """A cycle beyond the corner, in one of the two directions of the null vector of the derivatives
+    there, excluding the way back."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units

@@ -33,7 +33,7 @@ from stickslip.orbits.branches.chart import (
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
-from stickslip.orbits.branches.halving import doubles_at, half_gap
+from stickslip.orbits.branches.halving import doubling_near, half_gap
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
     Happening,
@@ -200,7 +200,7 @@ class _Follower:
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
     def follow(self, sign: float, tell: Tell) -> tuple[list[_Station], Ending]:
-        """The points in one direction, from the start on, and the end."""
+        """The points in one direction, from the start, and the end."""
         stations = [replace(self.start, events=[])]
 
         def found(chart: Chart, point: Point) -> None:
@@ -225,7 +225,7 @@ class _Follower:
     def _onward(
         self, stations: list[_Station], start: Start[Chart], path: Path
     ) -> Start[Chart] | Ending:
-        """Append the points that were found in a chart; the next chart, or the end."""
+        """Append the points found in a chart; return the next chart, or the end."""
         chart, step = start.of, start.steps.first
         before = len(stations)
         self._append(stations, chart, path)
@@ -443,7 +443,7 @@ class _Follower:
         def at(closed: Closed, value: float) -> Closed:
             return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
-        found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
+        found = doubling_near(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes a cycle of half its period"
         left = [("change by the next term of the extrapolation", known)]
         what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))
@@ -455,8 +455,8 @@ class _Follower:
     def _vanishing(
         self, stations: list[_Station], size: Callable[[Cycle], float], power: int
     ) -> tuple[float, float]:
-        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the
-        size; and by how much the next term would change it, as a part of the range."""
+        """Value of the parameter at which a size of cycles is 0, by a fit linear in a power of the
+        size; and its change by the next term, as a fraction of the range."""
         known: list[tuple[float, float]] = []
         for station in reversed(stations):
             there = size(station.cycle) ** power
@@ -517,8 +517,8 @@ class _Follower:
         )
 
     def _apart(self, found: list[_Station]) -> list[_Station]:
-        """The points of a branch with their distances, in which sizes of the whole branch count;
-        those that are one by these are one."""
+        """The points of a branch with their distances, in units of the whole branch; points that
+        coincide in these units are merged."""
         stations = [replace(found[0], step=0.0)]
         for station in found[1:]:
             step = self.spacing(stations[-1].cycle, station.cycle)

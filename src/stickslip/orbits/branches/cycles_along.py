@@ -70,7 +70,7 @@ class Spacing:
         return max(float(grown.max()), abs(math.log(b.period / a.period)), *map(abs, parts))
 
     def check(self, last: Cycle, new: Cycle) -> None:
-        """See that a cycle is certified and next to the one before.
+        """Check that a cycle is certified and close to the previous one.
 
         Raises
         ------
@@ -114,8 +114,8 @@ def of_branch(
 
 def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xarray.Dataset:
     """Parameters, period, extremes, multipliers, stability, stick and slip, forces, drift,
-    certificate and distance from the one before of every point; of driven cycles the first harmonic
-    of every coordinate."""
+    certificate and distance from the previous point; for driven cycles the first harmonic of every
+    coordinate."""
     import xarray as xr
 
     system = cycles[0].system
@@ -223,8 +223,8 @@ def _times(system: System, cycles: list[Cycle]) -> dict[str, Any]:
 
 
 def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
-    """Modulus and phase of the first harmonic of every coordinate of driven cycles, and how well
-    they are known."""
+    """Modulus and phase of the first harmonic of every coordinate of driven cycles, and their
+    error."""
     data: dict[str, Any] = {}
     for name in system.followed:
         c = np.array([cycle.harmonic[name] for cycle in cycles])

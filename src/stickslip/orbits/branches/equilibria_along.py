@@ -54,7 +54,7 @@ class Station:
 
 
 def by_steady(stations: list[Station]) -> list[list[Station]]:
-    """Stations that follow each other in one mode."""
+    """Groups of consecutive stations in one mode."""
     return [list(part) for _, part in groupby(stations, key=lambda station: id(station.steady))]
 
 

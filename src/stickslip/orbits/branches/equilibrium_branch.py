@@ -143,7 +143,7 @@ def continue_equilibrium(
 
 
 def checked_range(system: System, parameter: str, span: tuple[float, float]) -> tuple[float, float]:
-    """The ends of a parameter's range, checked."""
+    """Check the range of a parameter, and return its ends."""
     try:
         low, high = (float(v) for v in span)
     except (TypeError, ValueError, OverflowError):
@@ -205,8 +205,8 @@ def _distance(e: Equilibrium, near: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of a branch within one mode and region, with the certificates of its points and by how
-    much their eigenvalues may be wrong."""
+    """A part of a branch within one mode and region, with the certificates of its points and error
+    bounds of their eigenvalues."""
 
     steady: Steady
     path: Path
@@ -237,7 +237,7 @@ class _Follower:
     def follow(
         self, first: Equilibrium, x: Array, sign: float, tell: Tell
     ) -> tuple[list[_Piece], Ending]:
-        """All pieces from the start in one direction, and the end.
+        """The pieces in one direction from the start, and the end.
 
         Raises
         ------
@@ -296,7 +296,7 @@ class _Follower:
         return Start(steady, problem, x, towards, self.steps)
 
     def _accept(self, steady: Steady, last: Point, new: Point) -> None:
-        """See that a point is a certified equilibrium.
+        """Check that a point is a certified equilibrium.
 
         Raises
         ------

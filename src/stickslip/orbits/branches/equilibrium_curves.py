@@ -232,11 +232,11 @@ class _Extended:
     beside: Numbers | None = None
 
     def units(self, x: Array) -> Array:
-        """Lengths that count in the unknowns."""
+        """Units of the unknowns."""
         return np.append(np.maximum(np.abs(x[:-2]), self.least[:-2]), self.least[-2:])
 
     def settled(self, x: Array) -> Array:
-        """Unknowns with components that are only rounding set to zero."""
+        """Unknowns with rounding errors set to zero."""
         return np.where(np.abs(x) <= ROUNDED_SUM * self.least, 0.0, x)
 
 
@@ -314,7 +314,8 @@ class _Curve:
     # -- following ---------------------------------------------------------------------------------
 
     def branch(self, system: System, kind: str, pose: _Pose, steps: StepControl) -> Branch:
-        """Both ways from the start, through kinks at which the equations stay continuous."""
+        """Follow the curve in both directions, through kinks at which the equations are
+        continuous."""
         problem = pose(self)
         tangents: list[Array] = []
 
@@ -360,7 +361,7 @@ class _Curve:
         )
 
     def start(self, problem: _Extended, towards: Array, steps: StepControl) -> Start[_Place]:
-        """The stretch in this mode and region."""
+        """The piece in this mode and region."""
         place = _Place(self, problem, problem.start)
         return Start(place, self._problem(problem), problem.start, towards, steps)
 
@@ -409,7 +410,7 @@ class _Curve:
         )
 
     def _accept(self, last: Point, new: Point, problem: _Extended) -> None:
-        """See that a point is certified; its guards are test functions.
+        """Check that a point is certified; its guards are test functions.
 
         Raises
         ------
@@ -421,8 +422,7 @@ class _Curve:
             raise Lost(f"the next point is {found.verdict}")
 
     def least(self, start: Array) -> Array:
-        """Least lengths that count in the unknowns of an extended system; that of the vector v is
-        1."""
+        """Smallest units of the unknowns of an extended system; that of the vector v is 1."""
         floor = 0.2 * np.abs(start)
         floor[: self.n] = self.steady.units(np.append(self.y, start[-2:]), self.spans)
         floor[self.n : 2 * self.n] = 1.0
@@ -430,7 +430,7 @@ class _Curve:
         return floor
 
     def _problem(self, problem: _Extended) -> CurveProblem:
-        """The curve as the driver follows it."""
+        """The problem of the curve for the driver."""
 
         def tests(x: Array, tangent: Array) -> dict[Test, float]:
             margins = self.steady.guards(self.point(x))
@@ -553,7 +553,7 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         return {"frequency": form.frequency, "lyapunov": form.lyapunov}
 
     def beside(x: Array) -> dict[str, float]:
-        """Along the equilibria with other parameters."""
+        """Values at the equilibria with other parameters."""
         found = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
         rates = {"unstable_others": float(np.count_nonzero(found.real > 0.0))}
         linear = slopes(np.append(x[:n], x[-2:]))[1]

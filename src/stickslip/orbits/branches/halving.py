@@ -42,7 +42,7 @@ def half_gap(closed: Closed) -> float:
     )
 
 
-def doubles_at(
+def doubling_near(
     half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]
 ) -> tuple[float, float] | None:
     """The value of the parameter near which a cycle has the multiplier −1.

@@ -43,7 +43,7 @@ class Onset:
 
 
 def nearest_onset(motion: Trajectory, pieces: Pieces) -> Onset:
-    """The onset that a cycle is nearest to."""
+    """The onset nearest to a cycle."""
     onsets = [
         Onset(c, reverses) for c in range(motion.knots.mode.shape[1]) for reverses in (False, True)
     ]
@@ -70,8 +70,8 @@ def _sticks(motion: Trajectory, contact: int, sense: int) -> Iterator[tuple[tupl
 
 
 def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
-    """Least speeds in slip, and speeds that would be reached if there were no stick, relative to
-    the largest."""
+    """Smallest speeds in slip, and extrapolated minima beyond the onset of stick, relative to the
+    largest."""
     k = motion.knots
     p = _numbers(motion)
     switch = k.region.shape[1] + contact

@@ -217,8 +217,9 @@ class _Equations:
         return self.known[key]
 
     def _difference(self, z: Array, i: int, F: Array, own: Array) -> tuple[Array, Array]:
-        """Derivative by an unknown: within the ranges of the parameters and, if it can be, on the
-        side that slips, with the derivative there of the equations of the cycle."""
+        """Difference quotient with respect to an unknown, within the ranges of the parameters and,
+        if possible, on the side that slips, with the derivative of the equations of the cycle
+        there."""
         h = _DIFFERENCE * self.scale(z)[i]
         found = []
         for side in (h, -h):
@@ -278,7 +279,7 @@ class _Follower:
         )
 
     def follow(self, sign: float) -> tuple[list[Cycle], Ending]:
-        """The cycles in one direction, with the start, and the end."""
+        """The cycles in one direction, including the start, and the end."""
         cycles: list[Cycle] = []
 
         def onward(start: Start[_Equations], path: Path) -> Start[_Equations] | Ending:
@@ -297,7 +298,7 @@ class _Follower:
     def _onward(
         self, cycles: list[Cycle], equations: _Equations, path: Path
     ) -> Start[_Equations] | Ending:
-        """Append the cycles that were found in a chart; the next chart, or the end."""
+        """Append the cycles found in a chart; return the next chart, or the end."""
         cycles += [self._cycle(equations, p.x) for p in path.points[1 if cycles else 0 :]]
         if path.ended.stop is not Stop.LIMIT or len(cycles) >= self.steps.most:
             return path.ended

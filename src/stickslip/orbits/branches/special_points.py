@@ -165,9 +165,9 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:
-    """The same change, where the margin of the onset vanishes that is continued on its far side.
+    """The same change, located by the zero of the continued margin of the onset.
 
-    A stick that is too short to count has a margin, too.
+    The margin is also defined for a stick that is too short to be counted.
     """
     chart = finder.chart
     pieces = chart.shooting.pieces
@@ -190,8 +190,8 @@ def _onset(finder: _Finder, change: _Passed) -> _Passed:
 
 
 class _Finder:
-    """Positive where a cycle has a given sequence, negative where not, and small where that
-    changes."""
+    """A function that is positive if a cycle has a given sequence, negative otherwise, and small
+    near a change."""
 
     def __init__(self, chart: Chart, a: Point, b: Point, here: Sequence) -> None:
         self.chart = chart
@@ -211,7 +211,7 @@ class _Finder:
         return self.seen[distance][2]
 
     def at(self, distance: float) -> Array:
-        """Unknowns at a distance, from those nearest to it that are known."""
+        """Unknowns at a distance, computed from the nearest known ones."""
         if distance in self.seen:
             return self.seen[distance][0]
         whole = self.b.length - self.a.length
@@ -229,7 +229,7 @@ class _Finder:
         return self.chart.along(self.a, distance, _FINE, start)
 
     def first_change(self, low: float, high: float) -> _Passed:
-        """The first change between two places, where the sequences are different ones."""
+        """The first change between two places with different sequences."""
         with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
             # What was found before something fails encloses the change.
             self._enclose(low, high)
@@ -246,16 +246,16 @@ class _Finder:
         return _Passed(x, nearest, before, beyond, off, self.here, self.seen[beyond][1])
 
     def _around(self) -> tuple[float, float]:
-        """The last place before the sequence is another one, and the first at which it is."""
+        """The last place with the same sequence, and the first one with another."""
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
         return max((s for s in self.seen if s < beyond), default=beyond), beyond
 
     def _enclose(self, low: float, high: float) -> None:
-        """Look nearer and nearer to the change.
+        """Bracket the change.
 
-        On one side of it the margin goes to zero, linearly or as a square root; on the other one
-        there may be quite another margin. So the zero is looked for from one side, and overstepped
-        by as much as it may be off.
+        On one side of it the margin decreases to zero, linearly or as a square root; on the other
+        side there may be a different margin. So the zero is approached from one side, with
+        overshoots of the size of its error.
         """
         sides = _Approach(low, self(low)), _Approach(high, self(high))
         halved = high - low
@@ -307,7 +307,7 @@ class _Approach:
         self._error = abs(self.expected - before)
 
     def _vanishes(self) -> float:
-        """Extrapolated zero; infinite if it does not decrease."""
+        """Extrapolated zero; infinite if the values do not decrease."""
         points = self._points
         if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
             points = points[-2:] if points[-1][0] < points[-2][0] else []
@@ -368,7 +368,8 @@ def is_flat(path: Path, crossing: Crossing) -> bool:
 
 
 def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happening | None:
-    """The special point at a zero of a test function, with its residuals; None if it is none.
+    """The special point at a zero of a test function, with its residuals; None if the zero is not a
+    special point.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ _Happened = tuple[Test | Break, Point, tuple[float, float] | None]
 
 
 class _Found(Exception):
-    """A zero is known as well as it can be."""
+    """A zero has been located to the attainable accuracy."""
 
 
 class Outgrown(StickslipError):
@@ -239,8 +239,8 @@ class _Tracer:
         limit: Limit | None = None,
         near: tuple[Point, Point] | None = None,
     ) -> Point:
-        """The point at a distance along the tangent; or that at a limit, which is there by the
-        tangent. It is looked for on the curve through two points near it, if they are given."""
+        """The point at a distance along the tangent, or at a limit. If two points near it are
+        given, the guess is on the curve through them."""
         units, tangent = last.units, last.heading
         guess = last.x + units * tangent * along
         if limit is None:
@@ -276,7 +276,7 @@ class _Tracer:
         return bent if close and inside else straight
 
     def advance(self, path: Path, step: float) -> tuple[Ending | None, float]:
-        """Take one step; returns the end, if it is one, and the next step."""
+        """Take one step; return the end, if it is reached, and the next step."""
         last = path.points[-1]
         failure = ""
         reached = self._left_at_once(last)
@@ -408,7 +408,7 @@ class _Tracer:
         return [*found, *((*crossing, None) for crossing in self._crossings(start, new))]
 
     def _aside(self, last: Point, x: Array) -> Point:
-        """A point of the curve that is known."""
+        """A known point of the curve."""
         there = self.scale(x)
         along = float(last.heading @ ((x - last.x) / last.units))
         found = direction(self.equations, x, there, last.tangent / there)

@@ -101,7 +101,7 @@ class SpecialPoint:
 
 
 def _restored_special(entry: Mapping[str, Any]) -> SpecialPoint:
-    """A special point as it was stored: lists were tuples."""
+    """A special point from stored data, in which tuples are lists."""
     changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
     residuals = restored_residuals(entry["residuals"])
     known: dict[str, Any] = {**entry, **changed, "residuals": residuals}
@@ -273,7 +273,7 @@ class Branch(Result):
 
 
 def without_knots(special: Sequence[SpecialPoint]) -> list[SpecialPoint]:
-    """Special points at which more than a higher derivative changes."""
+    """Special points without knots, at which only a higher derivative changes."""
     return [s for s in special if s.kind != KNOT]
 
 

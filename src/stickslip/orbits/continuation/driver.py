@@ -84,7 +84,7 @@ Onward = Callable[[Start[_T], Path], Start[_T] | Ending]
 
 @dataclass(frozen=True)
 class PointOnTheWay:
-    """A point of a branch that has just been found; whether it is on the branch is measured later.
+    """A new point of a branch, not yet certified.
 
     Attributes
     ----------
@@ -199,7 +199,8 @@ def both_ways(
 
 
 def joined(back: Sequence[_P], forth: Sequence[_P]) -> list[_P]:
-    """All points of a branch, from the far end behind the start to that ahead of it."""
+    """All points of a branch, from the end in the backward direction to the end in the forward
+    one."""
     return [*reversed(back), *(forth[1:] if back else forth)]
 
 
@@ -215,6 +216,6 @@ def step_after(path: Path, steps: StepControl) -> float:
 def in_pieces(
     steps: StepControl, step: float, points: int, smallest: float | None = None
 ) -> StepControl:
-    """Control of the steps of a stretch of so many points that begins with a step."""
+    """Step control of a piece with a given number of points and first step."""
     least = steps.smallest if smallest is None else smallest
     return replace(steps, first=step, smallest=least, most=points + 1)

@@ -32,7 +32,7 @@ class Stop(Enum):
 
 
 class Ending(NamedTuple):
-    """The end of a curve: why, in words, and the test function that vanishes there, if one does."""
+    """The end of a curve: its reason, and the test function that vanishes there, if any."""
 
     stop: Stop
     text: str
@@ -46,21 +46,20 @@ BROKEN_OFF = (Stop.INTERRUPTED, Stop.TIME_UP)
 
 
 class Limit(NamedTuple):
-    """The end of the range of a component of x: where it is, and on which side (+1: x stays below,
-    −1: above)."""
+    """A bound of a component of x: its value, and its side (+1: upper bound, −1: lower bound)."""
 
     component: int
     value: float
     side: float
 
     def room(self, x: Array) -> float:
-        """Distance of a point from it; negative beyond."""
+        """Distance of a point from the limit; negative beyond."""
         return self.side * (self.value - float(x[self.component]))
 
 
 def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
-    """The limits of the last components of x, which are parameters with these ranges, by the
-    reasons they give."""
+    """The limits of the last components of x, which are parameters with these ranges, by the text
+    of the ending."""
     first = -len(spans)
     return {
         f"{name} = {end:g}, the end of the range": Limit(first + i, end, side)
@@ -189,7 +188,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Path:
-    """A curve as far as it was followed.
+    """The computed part of a curve.
 
     Attributes
     ----------
@@ -210,5 +209,5 @@ class Path:
 
     @property
     def located(self) -> set[int]:
-        """Numbers of the points that are there because something happens at them."""
+        """Numbers of the points that were located as zeros of test functions or limits."""
         return {crossing.index for crossing in self.crossings} | self.breaks.keys()

@@ -1,1 +1,1 @@
-"""Cycles: found, measured, certified."""
+"""Cycles: search, measures, certificates."""

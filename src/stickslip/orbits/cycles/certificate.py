@@ -111,8 +111,8 @@ def _remembered(closed: Closed) -> float:
 
 
 def _neighbours(closed: Closed) -> Residual:
-    """Follow neighbours of every leg, along the direction that grows most and along another,
-    against the derivative."""
+    """Compare neighbouring motions of every leg, along the direction of largest growth and along
+    another, with the derivative."""
     found = [Residual("neighbours", 0.0, _AGREES, note="of their distance")]
     for j, leg in enumerate(closed.orbit.legs):
         there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]
@@ -136,7 +136,7 @@ def _another(q: int) -> Array:
 def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
     """Accuracy of the derivative of a leg, compared with neighbouring motions in a direction.
 
-    If a neighbour passes other modes, those on the side on which it does not decide.
+    If a neighbour has another mode sequence, the other side decides.
     """
     expected = matrix @ direction
     size = max(float(np.linalg.norm(expected)), 1.0)
@@ -164,7 +164,7 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
 
 
 def _beside(closed: Closed, j: int, changes: list[Array]) -> Array:
-    """Neighbours at the start of a leg, by the changes of its station's coordinates."""
+    """Neighbouring states at the start of a leg, from changes of the coordinates of its station."""
     shooting = closed.shooting
     p = parameter_values(closed.orbit.problem)
     begin = float(closed.orbit.legs[j].motion.knots.time[0])
@@ -191,7 +191,7 @@ def _arrived(closed: Closed, j: int, starts: Array) -> list[tuple[float, Array]]
 
 
 def _alike(closed: Closed, j: int, starts: Array) -> set[float]:
-    """The sides on which neighbours pass the same modes as the cycle."""
+    """The sides on which neighbours have the mode sequence of the cycle."""
     motion = closed.orbit.legs[j].motion
     here = sequence(motion)
     found = set[float]()

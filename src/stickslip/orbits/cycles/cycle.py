@@ -187,7 +187,7 @@ class Cycle(Result):
 
     @cached_property
     def _harmonics(self) -> tuple[dict[str, complex], dict[str, float]]:
-        """The same, and how well it is known: of the state (no name), of each output besides."""
+        """First harmonics with their errors: of the state (no name) and of each output."""
         setting = self.closed.shooting.setting
         order = setting.turns if setting.symmetry.driven else 1
         own, error = over_period.harmonics(self.trajectory, self.closed.orbit.shift, order)
@@ -255,7 +255,7 @@ class Cycle(Result):
 
     @property
     def _shift(self) -> Array:
-        """Shift of the state in a period; none where it is a rounding error of the motion."""
+        """Shift of the state in a period; zero for components that are rounding errors."""
         orbit = self.closed.orbit
         moved = np.ptp(orbit.motion.knots.state, axis=0)
         return np.where(np.abs(orbit.shift) > COMPUTED_ZERO * moved, orbit.shift, 0.0)

@@ -29,7 +29,12 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
-from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
+from stickslip.orbits.return_map.families import (
+    Family,
+    check_isolated,
+    family_of,
+    neighbouring_members,
+)
 from stickslip.orbits.return_map.following import NoReturn, follow_freely
 from stickslip.orbits.return_map.recurrence import (
     Recurrence,
@@ -66,7 +71,7 @@ _DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
 
 
 def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | None) -> Closed:
-    """The cycle that another one becomes at other parameters."""
+    """A cycle continued to other parameters."""
     old = start.orbit
     problem = pose(old.problem.system, {**old.problem.parameters, **(parameters or {})})
     pieces = Pieces(problem.compiled.equations)
@@ -147,7 +152,7 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
     try:
         closed = converge(shooting, x)
     except NotClosed as failure:
-        members = members_beside(failure)
+        members = neighbouring_members(failure)
         if members and all(_elsewhere(member, shooting, x) == "" for member in members):
             raise family_of(members) from None
         raise
@@ -173,7 +178,7 @@ def _elsewhere(closed: Closed, shooting: Shooting, x: Array) -> str:
 
 
 def from_motion(motion: Trajectory) -> Closed:
-    """The cycle that a motion settles on, from its end on."""
+    """The limit cycle of a motion, continued from its end."""
     k = motion.knots
     if motion.outcome is Outcome.AT_REST or len(k.time) < 2:
         raise _at_rest(motion.problem, float(k.time[-1]), k.state[-1])
@@ -186,7 +191,7 @@ def is_unstable(closed: Closed) -> bool:
 
 
 def from_state(problem: Problem, state: Array, time: float) -> Closed:
-    """The cycle near a state, stable or not, else the one that the motion from there settles on."""
+    """The cycle near a state, stable or not; otherwise the limit cycle of the motion from it."""
     return _Search(problem, state, time).run(beside=True)
 
 
@@ -197,7 +202,7 @@ def _at_rest(
     before: ConvergenceError | None = None,
     velocity: Array | None = None,
 ) -> ConvergenceError:
-    """The motion comes to rest, perhaps in a frame.
+    """Error for a motion that comes to rest, possibly in a moving frame.
 
     Parameters
     ----------
@@ -333,7 +338,7 @@ class _Search:
         return None
 
     def _try(self, w: Window, found: Recurrence) -> Closed | None:
-        """The cycle at a recurrence, if that is one."""
+        """The cycle at a recurrence, if there is one."""
         try:
             return accepted(*near(self.problem, self.pieces, w, found))
         except ConvergenceError as failure:
@@ -420,5 +425,5 @@ class _Search:
             f"a cycle of {self.problem.system.name}",
             reached,
             "Choose a start closer to a cycle, or start from a cycle at other parameters, which "
-            "also finds cycles that attract slowly",
+            "also works if convergence is slow",
         )

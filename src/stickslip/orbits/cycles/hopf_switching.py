@@ -177,7 +177,7 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
 
 
 def _held(seed: _Seed) -> tuple[Held, ...]:
-    """Positions that keep still while the first cycle goes round."""
+    """Positions that are constant on the first cycle."""
     return held_positions(follow_state(seed.problem, 0.0, seed.period, seed.state))
 
 

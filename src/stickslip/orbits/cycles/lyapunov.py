@@ -1,4 +1,4 @@
-"""The largest Lyapunov exponent of a motion that does not repeat itself."""
+"""The largest Lyapunov exponent of an aperiodic motion."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
 
 
 def _ends(motion: Trajectory) -> list[int]:
-    """Knots between which a change is followed: after an event, never between events that
-    coincide."""
+    """Knots between which a perturbation is followed: after an event, never between coincident
+    events."""
     time = motion.knots.time
     apart = np.append(np.diff(time) > TOGETHER * (time[-1] - time[0]), True)
     ends = []
@@ -94,7 +94,7 @@ def _ends(motion: Trajectory) -> list[int]:
 
 
 def _admissible(part: Trajectory, pieces: Pieces, sizes: Array, rng: np.random.Generator) -> Array:
-    """A change of the first state that keeps the constraints there, of size 1."""
+    """A perturbation of the first state that satisfies the constraints there, of size 1."""
     k = part.knots
     p = np.array([part.parameters[name] for name in part.system.parameters])
     slopes = (

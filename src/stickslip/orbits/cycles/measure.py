@@ -73,8 +73,7 @@ class ContactShare:
 
 
 def phases(motion: Trajectory) -> tuple[Phase, ...]:
-    """The phases of a period; the one it starts in, which it also ends in, comes first as a
-    whole."""
+    """The phases of a period; the phase in which it starts and ends comes first, in one piece."""
     k = motion.knots
     # Contacts of laws with internal variables neither stick nor slip.
     names = [name for name in motion.system.contacts if contact_key(name) in motion.modes]
@@ -127,7 +126,7 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
 
 
 def dissipated_by(motion: Trajectory, name: str) -> float:
-    """Energy that one of several contacts dissipates which slip as one, in a period."""
+    """Energy dissipated in a period by one of several contacts that slip as one."""
     key = contact_key(name)
     period = float(motion.knots.time[-1] - motion.knots.time[0])
     power, _ = mean(motion, f"friction_{key}*slip_speed_{key}")

@@ -46,7 +46,7 @@ class NearCycle:
 
     def distance(self, states: Array, times: Array) -> Array:
         """Euclidean, in units of the size of the cycle; each state at its time."""
-        home = self.window.at_home(states, times)
+        home = self.window.in_frame(states, times)
         period = self.window.period
         found = np.empty(len(states))
         if period is None:
@@ -62,13 +62,13 @@ class NearCycle:
         """States of the cycle in units of its size, a number of periods of the drives later."""
         values = self.cycle.trajectory.at(times)
         states = np.column_stack([values[name] for name in self.cycle.state])
-        return self.window.at_home(
+        return self.window.in_frame(
             states + np.multiply.outer(periods, self.window.symmetry.turn), times
         )
 
     def _phases(self, time: float, period: float) -> tuple[Array, Array]:
-        """Times on the cycle at which the drives are as they are at a time, and how many periods
-        they are before it."""
+        """Times on the cycle with the same phases of the drives as a given time, and the number of
+        periods between them."""
         k = self.cycle.trajectory.knots
         turns = round(self.cycle.period / period)
         times = k.time[0] + np.mod(time - k.time[0], period) + period * np.arange(turns)
@@ -77,7 +77,7 @@ class NearCycle:
     def _offset(self, states: Array, points: Array) -> Array:
         """From points to states, without whole cells; shape (states, points, n)."""
         sizes = self.window.sizes
-        return self.window.symmetry.at_home((states[:, None] - points) * sizes, sizes) / sizes
+        return self.window.symmetry.in_frame((states[:, None] - points) * sizes, sizes) / sizes
 
     def _to_points(self, states: Array, points: Array) -> Array:
         return np.min(np.linalg.norm(self._offset(states, points), axis=2), axis=1)

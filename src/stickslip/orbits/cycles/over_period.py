@@ -62,7 +62,7 @@ class LinearForm:
 def linear_form(
     state: Iterable[str], parameters: Mapping[str, float], formula: Expr
 ) -> LinearForm | None:
-    """A formula as a linear form of the state; None if it is none, or not with constant
+    """A formula as a linear form of the state; None if it is not linear with constant
     coefficients."""
     felt = sorted(formula.symbols - parameters.keys() - {"t"})
     if not set(state).issuperset(felt) or ex.bends(formula, felt):
@@ -106,11 +106,11 @@ def extrema(motion: Trajectory, formulas: Mapping[str, Expr] | None = None) -> E
         return {}
     times, index = _samples(motion, steps)
     smooth = _where_rates_vanish(motion, forms, times, index) if forms else {}
-    return smooth | (_closed_in_on(motion, others, times, index) if others else {})
+    return smooth | (_bracketed(motion, others, times, index) if others else {})
 
 
 def _samples(motion: Trajectory, steps: Array) -> tuple[Array, Array]:
-    """Times at which a motion is looked at, both ends of each step included, and their steps."""
+    """Sampled times of a motion, including both ends of each step, and their steps."""
     k = motion.knots
     lengths = np.diff(k.time)[steps]
     counts = _SAMPLES + np.ceil(_SAMPLES_OF_ALL * lengths / np.sum(lengths)).astype(int)
@@ -162,7 +162,7 @@ def _where_rates_vanish(
     return dict(zip(forms, ends, strict=True))
 
 
-def _closed_in_on(
+def _bracketed(
     motion: Trajectory, formulas: Mapping[str, Expr], times: Array, index: Array
 ) -> Extremes:
     """Extremes of any formulas: at samples, and in the neighbourhoods of samples that may contain
@@ -199,9 +199,10 @@ def _closed_in_on(
 
 
 def _may_be_lower(y: Array, first: Array, last: Array, flat: Array) -> tuple[Array, Array]:
-    """Samples around which functions may be lower than at all of them, and these functions.
+    """Samples near which functions may be lower than at all samples, and these functions.
 
-    Between samples it is beyond one of them by less than that differs from its neighbours.
+    Between samples a function is assumed to fall below a sample by less than the difference from
+    its neighbours.
 
     Parameters
     ----------
@@ -297,7 +298,7 @@ def _wave(
     order: int,
     kinks: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """The same of functions of times and steps, by quadrature.
+    """Harmonics of functions of times and steps, by quadrature.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def part_of(closed: Closed, rounds: int) -> Closed:
 
 
 def _rounds(closed: Closed) -> int:
-    """A number that the rounds divide (driven systems) or do not exceed, the latter negative."""
+    """A multiple of the number of rounds (driven systems), or minus an upper bound of it."""
     setting = closed.shooting.setting
     return setting.turns if setting.symmetry.driven else -_turning_points(closed)
 

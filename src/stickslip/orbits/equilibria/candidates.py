@@ -43,11 +43,11 @@ def surface_speed(contact: DryContact, values: Mapping[str, float]) -> float:
 def possible_modes(
     equations: MotionEquations, values: Mapping[str, float], at: Mapping[str, float], moved: Array
 ) -> list[list[dict[int, int]]]:
-    """Modes that contacts can have in steady motion, together for those that depend on each other:
-    every choice of one of each list is a mode of all.
+    """Possible modes of contacts in steady motion, for groups of dependent contacts: every choice
+    of one element of each list is a mode of the system.
 
-    There u = j·(translation) − w: where no translation moves the contact, its surface speed alone
-    decides. A contact that can open is open, and without friction, or closed.
+    In steady motion u = j·(translation) − w: if no translation moves a contact, its surface speed
+    alone determines the mode. A contact that can open is open, without friction, or closed.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Arra
 
 
 def certify_set(conditions: Conditions, centre: Array) -> Certificate:
-    """Measure the point well inside a set of equilibria."""
+    """Measure the interior point of a set of equilibria."""
     largest = np.max(np.abs(centre), initial=0.0)
     sizes = np.maximum(np.abs(centre), _SMALL * largest) if largest > 0.0 else np.ones(len(centre))
     equations, guards = (

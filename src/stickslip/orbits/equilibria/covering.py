@@ -1,4 +1,4 @@
-"""All sets of equilibria that meet some conditions, as far as this can be proved."""
+"""All sets of equilibria that satisfy some conditions, with proofs as far as possible."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ class _Covered:
         return bool(self.repeats)
 
     def _centre(self, cover: Components, c: int, extent: Ranges) -> Array:
-        """A point well inside: in one unknown the middle."""
+        """An interior point; in one unknown the middle."""
         (x, *others) = self.reduced.free
         if not others and np.all(np.isfinite(extent[x])):
             return np.array([0.5 * extent[x][0] + 0.5 * extent[x][1]])

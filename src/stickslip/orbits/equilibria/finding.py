@@ -237,8 +237,8 @@ class _Search:
         return False
 
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
-        """Look in all candidates, and in the regions that zeros outside their own region point
-        to."""
+        """Search all candidates, and the regions of zeros that are outside of the searched
+        region."""
         self.waiting = list(candidates)
         while self.waiting and len(self.looked) < _MOST:
             candidate = self.waiting.pop(0)
@@ -450,7 +450,7 @@ class _Search:
     def _note_part(
         self, conditions: Conditions, part: CoveredSet, mode: Mode, region: Region | None
     ) -> None:
-        """Note a set that was covered, with kinks in place or within a region."""
+        """Add a covered set, with kinks or within one region."""
         kinks = [at_rest(self.eq, g) for g in self.eq.kinks]
         over = valued(kinks, self.state, self.values, part.inside).T >= 0.0
         regions = tuple(dict.fromkeys(tuple(map(int, row)) for row in over))

@@ -1,5 +1,5 @@
-"""Least and largest values over the components of a set: boxes are divided, and shrunk by the mean
-value theorem.
+"""Smallest and largest values over the components of a set: boxes are divided, and shrunk by the
+mean value theorem.
 
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """
@@ -108,12 +108,12 @@ class _Extents:
         )
 
     def _upper(self) -> Array:
-        """The most that each box allows."""
+        """Upper bound on each box."""
         return self._goal().high[0] if len(self.task) else np.empty(0)
 
     def _shrink(self) -> None:
-        """Shrink boxes, note the values at points of the set in them, and drop those that cannot
-        hold more."""
+        """Shrink boxes, record values at points of the set in them, and drop boxes that cannot
+        contain larger ones."""
         before = self.high - self.low
         edge = np.flatnonzero(~self.inside)
         self._shrink_to_improve()
@@ -151,7 +151,7 @@ class _Extents:
         return np.where(np.isinf(ends), far, self.high - self.low <= least)
 
     def _shrink_to_improve(self) -> None:
-        """Shrink boxes to where more can be than was met."""
+        """Shrink boxes to the parts in which values may exceed the best ones so far."""
         goal = self._goal()
         best = self.best[self.task]
         told = np.where(np.isfinite(best), goal.at_centre - best, math.inf)
@@ -209,8 +209,8 @@ class _Extents:
 
 @np.errstate(all="ignore")
 def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array]:
-    """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem. A box
-    that holds no such point comes back with low above high."""
+    """Boxes shrunk to the parts in which conditions may be nonnegative, by the mean value theorem.
+    A box without such points is returned with low above high."""
     middle = centres(low, high)
     before, behind = low - middle, high - middle
     gains = np.maximum(

@@ -102,7 +102,7 @@ class LevelSet:
 
     @cached_property
     def _far_out(self) -> list[list[Expr]]:
-        """The conditions as they are bounded where an unknown is large."""
+        """The conditions in the form used for bounds at large unknowns."""
         return [[far_out(e, x) for e in self._all] for x in self.names]
 
     @cached_property
@@ -169,7 +169,7 @@ class LevelSet:
 
 @dataclass
 class Components:
-    """Boxes that hold a set, by component.
+    """Boxes that contain a set, by component.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Components:
 
 @dataclass
 class _Covering:
-    """Boxes as they are divided; arrays over boxes have these last."""
+    """Boxes during subdivision; boxes are the last axis of arrays."""
 
     of: LevelSet
     low: Array = field(init=False)
@@ -429,7 +429,7 @@ class _Covering:
         return label, again & ~self.inside
 
     def _grounded(self) -> Array:
-        """Components of boxes, −1 where not known, −2 where a box is found to be empty."""
+        """Components of boxes; −1: unknown, −2: empty box."""
         n = self.low.shape[1]
         label = np.full(n, -1)
         label[self.inside] = np.arange(np.count_nonzero(self.inside))
@@ -470,7 +470,7 @@ class _Covering:
             label = self._joined(label, a, b)
 
     def _joined(self, label: Array, a: Array, b: Array) -> Array:
-        """Components that have a point in common are one: they touch in a box inside."""
+        """Merge components with a common point: they touch in an inner box."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 

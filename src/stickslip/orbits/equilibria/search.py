@@ -47,7 +47,7 @@ def wide_sample(count: int, origin: Array) -> Array:
 
 @np.errstate(all="ignore")
 def zeros(residual: ResidualFunction, starts: Array, origin: Array) -> list[tuple[Array, int]]:
-    """Zeros that the method of Levenberg and Marquardt reaches, each once, with the rank of the
+    """Zeros found by the Levenberg-Marquardt method, without duplicates, with the rank of the
     Jacobian there.
 
     Parameters

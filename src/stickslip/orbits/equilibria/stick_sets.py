@@ -189,7 +189,7 @@ def _without_bound(point: Array, component: int, sign: float) -> Array:
 def _optimum(
     equal: ResidualFunction, guards: ResidualFunction, start: Array, component: int, sign: float
 ) -> Array | None:
-    """Sequential quadratic programming in boxes that grow as long as their wall is reached."""
+    """Sequential quadratic programming in boxes that grow while their boundary is reached."""
     from scipy.optimize import minimize
 
     def constraint(kind: str, residual: ResidualFunction, size: Array) -> dict:
@@ -261,11 +261,11 @@ def at_rest(equations: MotionEquations, e: Expr) -> Expr:
 def all_stick(
     equations: MotionEquations, mode: Mode, region: Region | None, values: Mapping[str, float]
 ) -> Conditions:
-    """Rest with every contact in stick that is not open, in terms of the state and the forces of
-    contacts; in a region of the kinks, or with these in place.
+    """Rest with all closed contacts in stick, in terms of the state and the forces of contacts; in
+    a region of the kinks, or with kinks.
 
-    The forces are unknowns of their own, so that it does not matter whether the state determines
-    them (it does not where more contacts stick than there are directions).
+    The forces are separate unknowns, since the state does not determine them if more contacts stick
+    than there are directions.
     """
     d, rate = equations.declaration, equations.rate
     regions = {} if region is None else dict(zip(equations.kinks, region, strict=True))

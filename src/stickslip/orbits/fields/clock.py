@@ -98,8 +98,8 @@ class MovingFrame:
         names = self.equations.declaration.state
         return np.array([float(moved.get(name, 0.0)) for name in names])
 
-    def seen_from(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
-        """Formulas in the frame, with a name for each velocity that is not zero."""
+    def in_moving_frame(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
+        """Formulas in the frame, with a name for each nonzero velocity."""
         moved = {
             x: ex.sym(x) + ex.sym(_name(x)) * ex.sym("t")
             for x, v in zip(self.states, velocity, strict=True)
@@ -198,8 +198,8 @@ class Clock:
         return 2.0 * math.pi * self.multiple / self.parts / abs(rate)
 
     def drives(self, values: Mapping[str, float]) -> Drives:
-        """The common period of the drives, how many times the system repeats in it, and how the
-        state is moved along."""
+        """The common period of the drives, the number of periods of the system in it, and the shift
+        of the state."""
         return Drives(self.parts * self.period(values), self.parts, self.frame.full(values))
 
     def slope(self, values: Mapping[str, float], parameter: str) -> float:
@@ -268,16 +268,16 @@ def _clock(
             )
     multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
     quarters = {e: int(4 * r * multiple) for e, r in ratios.items()}
-    parts = _parts(frame.seen_from(frame.formulas, velocity), quarters)
+    parts = _parts(frame.in_moving_frame(frame.formulas, velocity), quarters)
     return Clock(frame, first, multiple, parts, len(moving) == 1)
 
 
 def _moving(frame: MovingFrame, velocity: Array, every: Mapping[str, float]) -> dict[Expr, float]:
-    """Frequencies of the waves in the frame, with their values: if some of them affect the motion,
-    only these."""
+    """Frequencies of the waves in the frame, with their values; only those that affect the motion,
+    if some do."""
     known = every.keys()
     numbers = dict.fromkeys(frame.zero, ex.ZERO)
-    plain = frame.seen_from(frame.equations.formulas, velocity)
+    plain = frame.in_moving_frame(frame.equations.formulas, velocity)
     rates: dict[Expr, float] = {}
     still = plain is frame.equations.formulas
     for e in frame.equations.frequencies if still else _frequencies(plain):

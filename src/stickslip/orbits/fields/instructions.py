@@ -1,9 +1,8 @@
 """Expressions as instructions, for compiled code that interprets them
 (:mod:`stickslip.orbits.fields.engine.interpreter`).
 
-They are lowered as for the engine's scalar code
-(:func:`stickslip.symbolic.scalars.scalars_of`). What depends on no variable comes first, so that it
-is computed once for many points.
+They are lowered as for the engine's scalar code (:func:`stickslip.symbolic.scalars.scalars_of`).
+Instructions without variables come first, so that they are executed once for many points.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ class Listing:
         self.numbers: Array = np.array([entry[4] for entry in listed])
 
     def _value(self, s: Scalar) -> tuple[int, bool]:
-        """Place of a value, and whether it differs from point to point."""
+        """Place of a value, and whether it varies between points."""
         if s.op == "entry":
             return s.index[0], s.index[0] < self._moving
         if s.op == "number":
@@ -229,7 +228,7 @@ class PointFunction:
 
 
 def packed(listings: Sequence[Listing]) -> Instructions:
-    """Instructions one listing after the other."""
+    """The instructions of successive listings."""
     return Instructions(
         np.concatenate([np.zeros((0, 4), np.int64), *(x.code for x in listings)]),
         np.concatenate([np.zeros(0), *(x.numbers for x in listings)]),

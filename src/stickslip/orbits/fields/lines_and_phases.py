@@ -113,9 +113,10 @@ class Reading:
         return bool(np.any(self._turned(states, values)[2]))
 
     def cells(self, states: list[str], values: Mapping[str, float]) -> Array:
-        """Least shifts of the state alone that turn phases by whole periods, shape (states, cells).
+        """Smallest shifts of the state alone that shift phases by whole periods, shape (states,
+        cells).
 
-        Phases whose whole numbers have no small ratio to those of the others leave no such shift.
+        There are none for phases without small integer ratios.
         """
         phases, free, turned = self._turned(states, values)
         if not np.any(turned):
@@ -139,8 +140,8 @@ class Reading:
         )
 
     def _turned(self, states: list[str], values: Mapping[str, float]) -> tuple[Array, Array, Array]:
-        """The phases as rows of numbers, shifts that leave the lines as they are as columns, and by
-        how much these turn those."""
+        """The phases as rows of numbers, shifts that leave the lines unchanged as columns, and the
+        changes of the phases by these shifts."""
         phases = _numbers(self.phases, ["t", *states], values)[:, 1:]
         if not np.any(phases):
             return phases, np.zeros((len(states), 0)), np.zeros((len(phases), 0))
@@ -244,7 +245,7 @@ class _Reader:
         self.seen: set[Expr] = set()
 
     def look(self, e: Expr) -> None:
-        """Take down the lines and phases of an expression."""
+        """Record the lines and phases of an expression."""
         if not e.symbols & self.names or e in self.seen:
             return
         self.seen.add(e)

@@ -137,8 +137,8 @@ class Piece:
         return self._gaps[contact](t, y, p)
 
     def carried(self, t: float, y: Array, p: Array) -> set[int]:
-        """The switches of contacts that others hold at rest, though they do not stick in this mode:
-        their guards are velocities that are zero but for rounding errors."""
+        """The switches of contacts that others hold at rest, although they do not stick in this
+        mode: their guards are velocities that are zero up to rounding."""
         kinks = len(self.field.region)
         modes = enumerate(self.field.mode)
         return {kinks + c for c, mode in modes if mode != 0 and self.rests(c, t, y, p)}
@@ -263,7 +263,7 @@ class Pieces:
         return self._listed
 
     def space(self, rows: Rows, shape: tuple[int, int], nodes: int) -> PassSpace:
-        """Work space for one pass after the other.
+        """Work space, reused for successive passes.
 
         Parameters
         ----------
@@ -318,5 +318,5 @@ def listed_pieces(pieces: list[Piece]) -> Listed:
 
 
 def places_of(pieces: list[Piece]) -> int:
-    """Places in the table of values that the instructions of some pieces take."""
+    """Places in the table of values for the instructions of some pieces."""
     return max(f.listing.places for piece in pieces for f in (piece.slopes, piece.guards))

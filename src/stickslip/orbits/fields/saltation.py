@@ -179,7 +179,7 @@ def saltation(
 def _near(
     equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array], contact: int
 ) -> list[int]:
-    """The contacts that are closed where one closes, it included.
+    """The closed contacts when one closes, including this one.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def _in_turn(
     p: Array,
     pieces: Pieces,
 ) -> Saltation:
-    """The saltation matrix of impacts one after the other.
+    """The saltation matrix of sequential impacts.
 
     Parameters
     ----------
@@ -335,7 +335,8 @@ def _one_impact(
     at: tuple[float, Array, Array],
     closing: tuple[int, frozenset[int]],
 ) -> Landing | None:
-    """The map of the impact of one contact alone: its friction slips on, if it can, or sticks.
+    """The map of the impact of a single contact: its friction continues to slip, if possible, or
+    sticks.
 
     Parameters
     ----------
@@ -406,7 +407,7 @@ def _between(
 
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
-    """The map of a declared jump, made once: in the region into which its guard passes."""
+    """The map of a declared jump, cached, in the region after the zero of its guard."""
     made: dict[int, StateMap] = kept(piece, "jumps")
     if jump not in made:
         declared = equations.jumps[jump]
@@ -540,7 +541,7 @@ def _is_corner(
 
 
 def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
-    """The modes of an impact of some contacts, of which each may take part or not."""
+    """The modes of an impact of some contacts, each of which may take part or not."""
     choices: list[tuple[int, ...]] = []
     for i, c in enumerate(equations.contacts):
         rubs = bool(set(equations.pressing(i)) & near)
@@ -562,7 +563,7 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
 def _impact_map(
     equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
 ) -> StateMap:
-    """The map of an impact, made once."""
+    """The map of an impact, cached."""
     made: dict[tuple[Mode, frozenset[int]], StateMap] = kept(piece, "impacts")
     if (mode, settled) not in made:
         after = impact_map(equations, mode, piece.field.region, settled)

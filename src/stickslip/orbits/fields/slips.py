@@ -251,7 +251,7 @@ def _stopping(
 
 def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: Array) -> _Passing:
     """The guard of a contact that has a formula and begins to slip: s R(w) + λ·w for the direction
-    w in which that is least. It is least there, so that its derivatives are those with this w.
+    w in which that is least. By minimality, its derivatives are those at fixed w.
 
     Parameters
     ----------
@@ -292,8 +292,8 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
 
 
 def _directions(formula: ConvexFormula, others: list[float]) -> Array:
-    """Directions all over a circle or a sphere, scaled so that those along the axes dissipate
-    alike, shape (count, n)."""
+    """Directions distributed over a circle or a sphere, scaled so that those along the axes
+    dissipate equally, shape (count, n)."""
     n = formula.dimension
     k = np.arange(_ANGLES) + 0.5
     if n == 2:

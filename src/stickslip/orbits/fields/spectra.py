@@ -1,4 +1,4 @@
-"""Eigenvalues of the Jacobians of first variations, where these are the same at all states."""
+"""Eigenvalues of constant Jacobians of first variations."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class _Modes(NamedTuple):
 def decompose_piece(
     equations: MotionEquations, spectra: Spectra, w: int, rates: Array, held: Array
 ) -> None:
-    """Decompose the Jacobian of a piece; where its eigenvectors are nearly dependent, it is marked
-    as useless.
+    """Decompose the Jacobian of a piece; if its eigenvectors are nearly dependent, mark it as
+    unusable.
 
     Parameters
     ----------

@@ -98,8 +98,8 @@ def _settle_plane(
     states: Array,
     time: float,
 ) -> float:
-    """Move both coordinates of a contact in a plane along their forces, towards where it holds;
-    returns by how much, relative to where they are."""
+    """Move both coordinates of a planar contact along their forces towards the stable set; returns
+    the displacement relative to the positions."""
     rate = equations.rate
     first = len(equations.contacts) - len(rate.force)
     own = [i - first for i in plane.parts]

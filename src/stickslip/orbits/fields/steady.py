@@ -150,7 +150,7 @@ class Steady:
         return changed
 
     def residual(self, *free: str) -> ResidualFunction:
-        """The equations in the state, and in parameters that are let free."""
+        """The equations in the state and in free parameters."""
         return ResidualFunction(self.rates, [*self.field.state, *free], self.values)
 
     @cached_property
@@ -249,10 +249,9 @@ class Steady:
         return values, slopes, state
 
     def units(self, x: Array, spans: Mapping[str, tuple[float, float]]) -> Array:
-        """Lengths that count on a branch over ranges of parameters, for each component of the
-        state.
+        """Units of each component of the state on a branch over ranges of parameters.
 
-        That is its size, or how far it moves with the parameters, as far as this is not much more.
+        The unit is its size, or its change with the parameters unless this is much larger.
 
         Parameters
         ----------
@@ -274,7 +273,7 @@ class Steady:
         return np.where(own > 0.0, own, np.max(own, initial=0.0) or 1.0)
 
     def settled(self, y: Array) -> Array:
-        """The state with components that are only rounding set to zero."""
+        """The state with rounding errors set to zero."""
         return np.where(
             np.abs(y) <= ROUNDED_SUM * self.sizes(self.point(y)[:, None]).state[0], 0.0, y
         )
@@ -303,10 +302,10 @@ def rightmost_first(eigenvalues: Array) -> Array:
 def invariant_directions(
     equations: MotionEquations, values: Mapping[str, float], origin: Array
 ) -> Array:
-    """Orthonormal basis of the translations that change no force, no law, no threshold, no kink, no
-    inertia and no gap.
+    """Orthonormal basis of the translations that leave all forces, laws, thresholds, kinks,
+    inertias and gaps unchanged.
 
-    Within a region all of these are analytic, so that slopes at random points decide.
+    Within a region all of these are analytic, so that slopes at random points are decisive.
 
     Returns
     -------

@@ -64,8 +64,8 @@ class Symmetry:
         return self.frame is None
 
     def moved(self, period: float, turns: int, cells: Array) -> Array:
-        """Known part of the shift in a period: of the element of the group with which a return is
-        composed, so many turns of the drives (or the time in the frame) and cells."""
+        """Known part of the shift in a period: that of the group element with which a return is
+        composed, a number of periods of the drives (or a time in the frame) and cells."""
         along = turns * self.turn if self.frame is None else period * self.frame
         return along + self.cells @ cells
 
@@ -75,7 +75,7 @@ class Symmetry:
         parts = np.linalg.lstsq(every, shift / sizes, rcond=None)[0]
         return np.rint(parts[: self.cells.shape[1]])
 
-    def at_home(self, differences: Array, sizes: Array) -> Array:
+    def in_frame(self, differences: Array, sizes: Array) -> Array:
         """Differences of states without whole cells, shape (…, n)."""
         if not self.cells.shape[1]:
             return differences
@@ -224,8 +224,8 @@ class Surroundings:
 
 
 class _Rows(NamedTuple):
-    """Slopes of functions at some points, shape (rows, 1 + n), without those that are the same
-    again: how much each row counts, and of which function it is."""
+    """Distinct slopes of functions at some points, shape (rows, 1 + n), with the weight and the
+    function of each row."""
 
     rows: Array
     weights: Array
@@ -273,7 +273,7 @@ def _unit(part: _Rows) -> _Rows:
 
 
 def _split(free: Array) -> tuple[Array, Array | None]:
-    """Shifts of the state, and the frame that goes with a shift of time, if there is one."""
+    """Shifts of the state, and the frame of a shift of time, if there is one."""
     moving = np.abs(free[0]) > NO_CHANGE * np.max(np.abs(free), initial=0.0)
     if not np.any(moving):
         return _clean(free[1:]), None

@@ -181,7 +181,7 @@ def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
 
 
 def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None, modal: int) -> Pass:
-    """The motion as the compiled pass takes it, with the changes of its first state."""
+    """The motion in the form of the compiled pass, with the perturbations of its first state."""
     k = trajectory.knots
     number = pieces.numbers(k.mode, k.region)
     columns = k.state.shape[1] + len(pieces.free)
@@ -217,8 +217,8 @@ def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> Pass
 
 
 class _Meeting:
-    """Saltation matrices of events that coincide here and not for neighbours, which exist if the
-    order in which the guards are passed does not matter; and of impacts and jumps."""
+    """Saltation matrices of events that coincide, but not in neighbouring motions, which exist if
+    the order of the events does not matter; and of impacts and jumps."""
 
     def __init__(self, trajectory: Trajectory, pieces: Pieces, run: Pass) -> None:
         self.trajectory = trajectory
@@ -319,7 +319,7 @@ class _Meeting:
         return next((S for S in routes if S is not None), np.eye(len(arrived)))
 
     def _route(self, i: int, last: int, order: Sequence[int]) -> Array | None:
-        """S through the switches in an order; None if they do not change in it."""
+        """S through the switches in a given order; None if they cannot change in it."""
         t, y = float(self.knots.time[i]), self.knots.state[i]
         piece = self.pieces.made[self.run.piece[i - 1]]
         right = self.pieces.made[self.run.piece[last]]
@@ -347,7 +347,7 @@ class _Meeting:
 
 
 def _changed(left: Piece, right: Piece) -> set[int]:
-    """The switches that are set otherwise in another piece."""
+    """The switches with other settings in another piece."""
     kinks = len(left.field.region)
     switches = range(kinks + len(left.field.mode))
     return {s for s in switches if left.setting(s) != right.setting(s)}

@@ -38,8 +38,8 @@ _GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
 class NotClosed(ConvergenceError):
-    """Newton's method has not closed a motion; `orbit` came nearest and fails by `miss`, in units
-    of its size."""
+    """Newton's method has not closed a motion; `orbit` is the closest, with the closure error
+    `miss`, in units of its size."""
 
     def __init__(self, shooting: Shooting, orbit: Orbit, miss: float) -> None:
         self.shooting = shooting
@@ -54,7 +54,7 @@ class NotClosed(ConvergenceError):
 
 
 def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tuple[Shooting, Array]:
-    """The equations of the cycle near a recurrence, and where to start."""
+    """The equations of the cycle near a recurrence, and the initial guess."""
     motion = follow_state(problem, found.time, found.time + found.period, found.state)
     sizes = sizes_of(motion, found.shift, pieces)
     symmetry = w.symmetry
@@ -126,8 +126,8 @@ def _balanced(matrix: Array, right: Array) -> tuple[Array, Array]:
 
 
 def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
-    """The least singular value of the equations, relative to the largest, and the change of the
-    unknowns to it."""
+    """The smallest singular value of the equations, relative to the largest, and its singular
+    vector."""
     square = orbit.J[:, : len(orbit.F)] * shooting.units(orbit.x)[: len(orbit.F)]
     _, s, v = np.linalg.svd(_balanced(square, orbit.F)[0])
     return float(s[-1] / s[0]), v[-1]
@@ -306,7 +306,7 @@ class Closed:
         return spectrum(self.shooting, self.orbit)
 
     def samples(self, count: int) -> Array:
-        """States at even times of the period, without the drift, shape (count, n)."""
+        """States at equidistant times of the period, without the drift, shape (count, n)."""
         if _SAMPLES % count == 0:
             return self._sampled[:: _SAMPLES // count]
         return self.states_at(np.arange(count) / count)
@@ -337,7 +337,7 @@ class Closed:
         setting = self.shooting.setting
         shift, time = carried_along(setting, self.orbit.problem, time)
         points = self.samples(256) if setting.symmetry.frame is not None else self._strobed(time)
-        gap = setting.symmetry.at_home(points - (state - shift), setting.sizes) / setting.sizes
+        gap = setting.symmetry.in_frame(points - (state - shift), setting.sizes) / setting.sizes
         N = setting.symmetry.shifts / setting.sizes[:, None]
         gap = gap - (gap @ N) @ np.linalg.pinv(N) if N.shape[1] else gap
         return float(np.min(np.linalg.norm(gap, axis=1)))
@@ -369,7 +369,7 @@ def carried_along(setting: Setting, problem: Problem, time: float) -> tuple[Arra
 
 
 def converge(shooting: Shooting, x: Array) -> Closed:
-    """Close a cycle, with as many stations as it takes.
+    """Close a cycle, with as many stations as necessary.
 
     Raises
     ------

@@ -51,7 +51,7 @@ def check_isolated(closed: Closed) -> None:
         raise _family(closed.shooting, closed.orbit, direction)
 
 
-def members_beside(failure: NotClosed) -> list[Closed]:
+def neighbouring_members(failure: NotClosed) -> list[Closed]:
     """Two members of a family, if a motion that does not close converges slowly to the boundary of
     one; otherwise none.
 

@@ -37,7 +37,7 @@ def follow_state(problem: Problem, start: float, end: float, y: Array) -> Trajec
 
 
 def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Trajectory:
-    """The motion from a state as far as it goes."""
+    """The motion from a state, possibly ending early."""
     from stickslip.motion import simulate
     from stickslip.motion.trajectory import Trajectory
 

@@ -113,8 +113,8 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
     """Point at which a contact that sticks throughout is nearest to slipping in the direction of
     its edge.
 
-    At the least value of its guard only the value changes, not the time, so that the derivatives
-    are those at a time.
+    At a minimum of its guard the change of the time has no effect, so that the derivatives are
+    those at a fixed time.
     """
     found = [(*_lowest(held, motion, change), j) for j, (motion, change) in enumerate(legs)]
     _, t, i, j = min(found, key=lambda entry: entry[0])
@@ -129,16 +129,16 @@ def nearest_slip(held: Held, legs: Sequence[tuple[Trajectory, Variation]], piece
 
 
 def _guards(held: Held, piece: Piece) -> tuple[int, int]:
-    """Numbers of the guards of a contact in stick: against slip the way of its edge, and the other
-    way."""
+    """Numbers of the guards of a contact in stick: against slip in the direction of its edge, and
+    in the opposite one."""
     switch = len(piece.field.kinks) + held.contact
     own = [g for g, guard in enumerate(piece.field.guards) if guard.switch == switch]
     return tuple(sorted(own, key=lambda g: piece.field.guards[g].to != held.edge))  # type: ignore[return-value]
 
 
 def _lowest(held: Held, motion: Trajectory, change: Variation) -> tuple[float, float, int]:
-    """The least value of the guard of a contact, relative to both thresholds; when, and the step it
-    is in."""
+    """The smallest value of the guard of a contact, relative to both thresholds, with its time and
+    step."""
     from scipy.optimize import minimize_scalar
 
     k = motion.knots

@@ -39,11 +39,11 @@ LOSS = "loss of the cycle"
 
 
 def sequence(motion: Trajectory) -> Sequence:
-    """Mode and region of the phases of a period, wherever it starts; an impact, or a jump, is a
-    phase without duration.
+    """Mode and region of the phases of a period, independent of its start; an impact, or a jump, is
+    a phase without duration.
 
-    A motion that does not end in the phase it starts in is no cycle; its phases are followed by the
-    first one.
+    A motion that does not end in its first phase is not a cycle; its first phase is then repeated
+    at the end.
     """
     k = motion.knots
     found = [(a, _phase(k.mode[a], k.region[a]), -1) for a, _ in segments(motion)]
@@ -66,8 +66,8 @@ def _phase(mode: Array, region: Array) -> ModeAndRegion:
 
 
 def _without_bounces(phases: list[tuple[ModeAndRegion, int]]) -> list[ModeAndRegion]:
-    """Phases in which the bounces of a contact that come to an end count as one: how many of them
-    there are is a matter of resolution."""
+    """Phases in which a terminating sequence of bounces of a contact counts as one, since the
+    number of bounces depends on the resolution."""
     kept: list[tuple[ModeAndRegion, int]] = []
     for phase, contact in phases:
         closed = len(kept) > 2 and contact < 0 and kept[-1][1] >= 0 and phase[0][kept[-1][1]] == 0
@@ -83,7 +83,7 @@ def is_open(s: Sequence) -> bool:
 
 
 def _canonical(phases: list[ModeAndRegion]) -> Sequence:
-    """The phases in their cyclic order without repetitions, from the one that makes the least
+    """The phases in cyclic order without repetitions, rotated to the lexicographically smallest
     sequence."""
     kept = [phase for i, phase in enumerate(phases) if phase != phases[i - 1]] or phases[:1]
     return min(tuple(kept[i:] + kept[:i]) for i in range(len(kept)))
@@ -130,7 +130,7 @@ def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> 
 
 
 def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, ModeAndRegion]]:
-    """Phases of a sequence without which it is the other one, each after the phase that it
+    """Phases whose removal turns a sequence into the other one, each after the phase that it
     interrupts.
 
     There may be several: a cycle with a symmetry touches a boundary more than once.
@@ -221,8 +221,8 @@ class Dip:
         return float(self.values[1]) / self.scale
 
     def refined(self) -> tuple[float, float]:
-        """When the minimum is, and its value relative to the size of the guard: by parabolas
-        through the last three points; where it is far from zero, by the first of them."""
+        """Time of the minimum, and its value relative to the size of the guard, by successive
+        parabolas through the last three points; only the first parabola if it is far from zero."""
         t, g = self.times, self.values
         first, second = np.diff(g) / np.diff(t)
         bend = (second - first) / (t[2] - t[0])
@@ -250,7 +250,7 @@ class Dip:
 
 @dataclass(frozen=True)
 class Looks:
-    """A motion at the Gauss nodes of its steps: the step, the time and the state of each."""
+    """Samples of a motion at the Gauss nodes of its steps: step, time and state of each."""
 
     index: Array
     times: Array
@@ -258,7 +258,7 @@ class Looks:
 
 
 def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
-    """A motion at the nodes of all steps that take time.
+    """Samples of a motion at the nodes of all steps of nonzero duration.
 
     Parameters
     ----------

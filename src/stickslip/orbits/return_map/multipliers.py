@@ -95,7 +95,7 @@ def _eigenvalues(matrix: Array) -> AnyArray:
 
 
 def _independent(held: Array, unchanged: Array) -> Array:
-    """The combinations of held positions that translations do not change."""
+    """The combinations of held positions that are invariant under translations."""
     if not len(held) or not unchanged.shape[1]:
         return held
     u, s, _ = np.linalg.svd(held @ unchanged)

@@ -37,7 +37,7 @@ _STILL = 1e-9  # of its modulus: spread of a component that does not move
 
 @dataclass(frozen=True)
 class Recurrence:
-    """A state of a motion, and when the motion nearly comes back to it.
+    """A state of a motion, and the time at which the motion nearly returns to it.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Window:
         """Of the drives."""
         return self.clock.period(self.trajectory.parameters) if self.clock else None
 
-    def at_home(self, states: Array, times: Array | float) -> Array:
+    def in_frame(self, states: Array, times: Array | float) -> Array:
         """States in the frame of the system, without translations, in units of their sizes; shape
         (…, n)."""
         e = self.symmetry.frame
@@ -97,11 +97,11 @@ class Window:
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
     def apart(self, differences: Array, times: Array | float) -> Array:
-        """The same of differences of states, and of their times: without whole cells, too."""
+        """Differences of states, with those of their times, also without whole cells."""
         e = self.symmetry.frame
         along = differences if e is None else differences - np.multiply.outer(times, e)
-        home = self.symmetry.at_home(along, self.sizes)
-        return self.at_home(home if e is None else home + np.multiply.outer(times, e), times)
+        home = self.symmetry.in_frame(along, self.sizes)
+        return self.in_frame(home if e is None else home + np.multiply.outer(times, e), times)
 
     def carried(self, states: Array, times: Array) -> Array:
         """States without the displacement by a moving load; shape (…, n)."""
@@ -113,7 +113,7 @@ class Window:
     def extent(self, modulus: Array) -> float:
         """Largest range of a component relative to a modulus: 0 if there is no motion except along
         translations."""
-        home = self.at_home(self.carried(self.states, self.times), self.times)
+        home = self.in_frame(self.carried(self.states, self.times), self.times)
         return float(np.max(ratio(np.ptp(home, axis=0) * self.sizes, modulus)))
 
 
@@ -202,7 +202,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     for own in modes:
         # A mode that symmetry keeps at rest moves by the rounding errors of the others.
         sizes[own] = np.maximum(sizes[own], _MODE * np.max(sizes[own]))
-    like = as_felt(sizes, felt, modes)
+    like = equivalent_sizes(sizes, felt, modes)
     otherwise = np.where(modulus > 0.0, 1e-3 * modulus, 1e-3)
     return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
 
@@ -218,9 +218,9 @@ def modes_of_structures(motion: Trajectory) -> list[slice]:
     ]
 
 
-def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
-    """Change of each component that some rate or guard feels as much as it feels the others;
-    infinite if none does.
+def equivalent_sizes(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
+    """Change of each component with the same effect on some rate or guard as the others; infinite
+    if there is no effect.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
 
 
 def segments(motion: Trajectory) -> list[tuple[int, int]]:
-    """First and last knot of every stretch in one mode and region, without a jump of the state,
-    that takes time."""
+    """First and last knot of every part in one mode and region, without a jump of the state, of
+    nonzero duration."""
     knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
@@ -268,8 +268,8 @@ def segments(motion: Trajectory) -> list[tuple[int, int]]:
 
 
 def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> float:
-    """The middle of the stretch with most constraints, and of those the longest (the latest, if
-    several are)."""
+    """The middle of the part with most constraints, and of these the longest (the latest, if there
+    are several)."""
 
     def rank(ends: tuple[int, int]) -> tuple[int, float, int]:
         length = knots.time[ends[1]] - knots.time[ends[0]]
@@ -284,7 +284,7 @@ def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> 
 
 
 def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
-    """The last state of a motion, and when it was passed before."""
+    """The last state of a motion, and its previous occurrence."""
     k = w.trajectory.knots
     found = segments(w.trajectory)
     if len(found) == 1:
@@ -296,7 +296,7 @@ def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
 
 
 def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
-    """A state early in a motion that is there again after a known period, well inside a mode."""
+    """An early state of a motion, well inside a mode, that recurs after a known period."""
     k = w.trajectory.knots
     begin = float(k.time[0])
     found = segments(w.trajectory)
@@ -312,7 +312,7 @@ def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
 
 
 def earliest(w: Window) -> list[Recurrence]:
-    """When a motion comes back to where it has started."""
+    """The first return of a motion to its start."""
     k = w.trajectory.knots
     whole = segments(w.trajectory)
     a, b = whole[0]
@@ -347,7 +347,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
                 between[:] = True
             passed = w.times[between]
             size = (
-                np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
+                np.max(np.ptp(w.in_frame(w.carried(w.states[between], passed), passed), axis=0))
                 / 2.0
             )
             distance = float(ratio(miss, size))
@@ -384,7 +384,7 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     # A step may be shorter than the distance of two samples; any in its mode has its field.
     piece = w.surroundings.pieces[int(np.flatnonzero(same)[0])]
     p = np.array([w.trajectory.parameters[name] for name in w.trajectory.system.parameters])
-    normal = w.at_home(piece.rates(t, y, p), 1.0)
+    normal = w.in_frame(piece.rates(t, y, p), 1.0)
 
     def height(states: Array, times: Array) -> Array:
         return w.apart(states - y, times - t) @ normal

@@ -267,8 +267,8 @@ class Shooting:
         )
 
     def _fixed(self) -> Array:
-        """Rows over the coordinates of the first station: no sliding along the cycle, no
-        translation."""
+        """Rows in the coordinates of the first station: fixed phase, and fixed position along
+        translations."""
         station = self.stations[0]
         rows = [station.chart @ e for e in self.symmetry.shifts.T]
         if self.symmetry.frame is not None:
@@ -281,8 +281,8 @@ class Shooting:
         return np.array(rows).reshape(len(rows), station.basis.shape[1])
 
     def unchanged(self, orbit: Orbit) -> Array:
-        """Changes of the first station's coordinates that come back unchanged: a later start, and
-        translations."""
+        """Changes of the coordinates of the first station that are invariant under the return: a
+        later start, and translations."""
         station = self.stations[0]
         columns = [self.stations[0].chart @ e for e in self.symmetry.shifts.T]
         if not self.symmetry.driven:
@@ -313,7 +313,8 @@ class Shooting:
     def miss(self, orbit: Orbit) -> float:
         """Closure error of the complete state, in units of the size of the cycle.
 
-        The equations see the coordinates of the stations only: a leg might end off the constraints.
+        The equations contain only the coordinates of the stations: a leg might violate the
+        constraints at its end.
         """
         gaps = []
         for j, leg in enumerate(orbit.legs):

@@ -42,7 +42,7 @@ class CycleSlope:
 
 
 def cycle_slope(closed: Closed, name: str) -> CycleSlope:
-    """Derivatives of a cycle with respect to a parameter; meaningless where the motion is not
+    """Derivatives of a cycle with respect to a parameter; meaningless if the motion is not
     differentiable."""
     if name not in closed.slopes:
         closed.slopes[name] = _solved(closed, name)

@@ -129,7 +129,7 @@ def _extreme(motion: Trajectory, f: Traced, sign: float) -> _Extreme:
 
 
 def _turn(f: Traced, ends: tuple[float, float], step: int) -> float | None:
-    """When a quantity turns between two times of a step; None if it does not."""
+    """Time of an extremum of a quantity between two times of a step; None if there is none."""
     low, high = ends
     start = f.rate(low, step)
     if not start * f.rate(high, step) < 0.0:

@@ -96,7 +96,7 @@ class _Value(NamedTuple):
 
 
 class _Changing:
-    """A cycle, and how it changes with one parameter.
+    """A cycle, and its derivative with respect to one parameter.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class _Changing:
         return float(made.values[0, 0]), slopes, float(rate)
 
     def ends(self, observed: Observation) -> tuple[_Value, _Value]:
-        """A quantity where the period begins, and where it ends."""
+        """A quantity at the start and at the end of the period."""
         k = self.motion.knots
         steps = np.flatnonzero(np.diff(k.clock) > 0.0)
         value, slopes, _ = self.looked_at(observed, float(k.clock[0]), int(steps[0]))
@@ -201,8 +201,7 @@ class _Changing:
         return _Value(float(found[0]), float(found[1]) + moved + at_end * self.slope.period)
 
     def _delays(self) -> Iterator[tuple[int, int, float]]:
-        """The steps before and after each event between two of them, and by how much later it
-        comes."""
+        """The steps before and after each event, and the derivative of its time."""
         late = self.varied.late[:, 0]
         for left, right in pairwise(np.flatnonzero(np.diff(self.motion.knots.clock) > 0.0)):
             delays = late[left + 1 : right + 1]
@@ -211,7 +210,7 @@ class _Changing:
                 yield int(left), int(right), float(delays[-1])
 
     def time_in(self, counts: Callable[[Array], bool]) -> _Value:
-        """Time in the modes that count."""
+        """Time in given modes."""
         k = self.motion.knots
         width = np.diff(k.clock)
         modes, place = np.unique(k.mode, axis=0, return_inverse=True)
@@ -269,7 +268,7 @@ class _Changing:
         if alike and abs(large.slope - small.slope) > _KNOWN * abs(large.slope):
             raise DeclarationError(
                 f"of: {short(text)}",
-                "its least and its largest value have the same modulus and different derivatives",
+                "its smallest and largest values have equal moduli, but different derivatives",
                 "Use low or high",
             )
         return large
@@ -334,7 +333,7 @@ class _Changing:
         return _Value(np.nan, float(low)), _Value(np.nan, float(high))
 
     def distance(self, text: str) -> _Value:
-        """The way along a component of the state, or along the translation."""
+        """Distance along a component of the state, or along the translation."""
         state = self.cycle.system.declaration.state
         if text and text not in state:
             raise DeclarationError(
@@ -396,7 +395,7 @@ def _phase(c: _Changing, of: str) -> _Value:
     if not c.cycle.closed.shooting.setting.symmetry.driven:
         raise DeclarationError(
             f"of: phase:{short(of)}",
-            f"{c.cycle.system.name} has no drive, so a cycle may begin at any time",
+            f"{c.cycle.system.name} has no drive, so the phase of a cycle is arbitrary",
             "Use harmonic",
         )
     start = float(c.motion.knots.time[0])

@@ -343,7 +343,7 @@ def at_events(
 
 
 def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Array:
-    """The requested times, checked."""
+    """Check the requested times."""
     first, last = trajectory.knots.time[[0, -1]]
     if times is None:
         return np.linspace(first, last, _GRID)
@@ -534,8 +534,8 @@ def _gathered(
 
 
 def second_opinion(found: Sensitivity) -> Array:
-    """The same derivatives by Richardson extrapolation of finite differences of motions; NaN if one
-    of these motions does not reach the end.
+    """Derivatives by Richardson extrapolation of finite differences of motions, as a check; NaN if
+    one of these motions does not reach the end.
 
     Returns
     -------

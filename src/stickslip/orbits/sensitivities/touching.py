@@ -2,7 +2,7 @@
 they could also stick.
 
 There it has no derivative: half of its neighbours meet an event that it does not have. Guards are
-looked at as finely as linear motions are resolved, at the Gauss nodes of each part.
+evaluated with the resolution of linear motions, at the Gauss nodes of each part.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def translations(equations: MotionEquations, declared: Array) -> Array:
 
 
 def _translations(equations: MotionEquations) -> Array:
-    """Shifts of the state that formulas show, shape (n, shifts)."""
+    """Shifts of the state found in the formulas, shape (n, shifts)."""
     frame = moving_frame(equations, frozenset())
     names = equations.declaration.state
     # What a jump puts somewhere is not shifted with the rest.
@@ -127,7 +127,7 @@ def _translations(equations: MotionEquations) -> Array:
 
 
 def unrelated(equations: MotionEquations, zero: frozenset[str]) -> dict[str, float]:
-    """Numbers for the parameters that are in no relation to each other."""
+    """Generic values of the parameters, without relations between them."""
     names = equations.declaration.parameters
     return {x: 0.0 if x in zero else 1.0 + 0.1 * np.sin(i + 1) for i, x in enumerate(names)}
 

@@ -194,7 +194,7 @@ class Loops(Protocol):
         ...
 
     def ask(self) -> None:
-        """Bring where the motions are that wait for a proof to the host."""
+        """Copy the states of motions that wait for a proof to the host."""
         ...
 
     def answer(self) -> None:
@@ -206,7 +206,7 @@ class Loops(Protocol):
         ...
 
     def remember(self) -> None:
-        """Bring the marks of all motions to the host."""
+        """Copy the marks of all motions to the host."""
         ...
 
 
@@ -365,7 +365,7 @@ class Block:
         )
 
     def _in_time(self, compiled: Callable[[], None], where: Loops, limit: float | None) -> None:
-        """Follow all motions to their end, one after the other if their time is limited."""
+        """Follow all motions to their end, sequentially if there is a time limit."""
         if limit is None:
             self._until_done(compiled, where)
             return
@@ -395,7 +395,7 @@ class Block:
                 where.answer()
 
     def _class_unsettled(self, loops: Loops, known: bool, limit: float | None) -> None:
-        """Say of motions that have not settled whether they are irregular or slow.
+        """Classify motions that have not settled as irregular or slow.
 
         Parameters
         ----------
@@ -440,8 +440,8 @@ class Block:
                 outcome[i] = Outcome.OUTSIDE_TABLE.code
 
     def _name_rest(self) -> None:
-        """Motions that return after a period of the drive without having moved rest, or slide
-        steadily."""
+        """Classify motions that return after a period of the drive without movement as rest or
+        steady sliding."""
         marks, found = self.marks, self.found
         still = (marks.outcome == Outcome.PERIODIC.code) & (found.moves == 0.0)
         held = (found.sums.total[:, STUCK] == found.sums.total[:, LASTED]) & np.all(
@@ -465,7 +465,7 @@ class Here:
         return self._engine
 
     def _of_this_thread(self, engine: Engine) -> Engine:
-        """An engine with the flags of this thread, and with the modes that it keeps."""
+        """An engine with the flags and cached modes of this thread."""
         flow, flight = engine.flow, engine.flight
         kept = self.block.problem.shared_flight.making.kept
         return engine._replace(
@@ -480,7 +480,7 @@ class Here:
         phase[phase == MEASURING] = DONE
 
     def advance(self) -> None:
-        """Measure what has settled, settle the rest."""
+        """Measure settled motions, and advance the others."""
         measuring.measure_all(self.engine, *self.block.settling, self.block.found)
         settling.settle_all(self.engine, *self.block.settling)
 
@@ -531,8 +531,8 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
 
 
 def drive_period(omega: Array) -> Array:
-    """Period of the first drive that acts; 0 where none does. Other drives only make the cycle
-    longer."""
+    """Period of the first active drive; 0 if there is none. Other drives only lengthen the
+    cycle."""
     moving = omega > 0.0
     if not omega.shape[1]:
         return np.zeros(len(omega))

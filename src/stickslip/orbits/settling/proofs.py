@@ -195,8 +195,8 @@ class Prover:
         marks.numbers[claimed & ~comes, LEAPT] = -1
 
     def waves(self, i: int, marks: Marks, saved: Lane) -> frozenset[float] | None:
-        """Frequencies of all that time does to a motion from now on; None if that is more than
-        sines and cosines."""
+        """Frequencies of the time dependence of a motion from now on; None if it is more than sines
+        and cosines."""
         if not self.problem.compiled.layout.timed:
             return frozenset()
         if self.repetition.plain and marks.drive[i] > 0.0:

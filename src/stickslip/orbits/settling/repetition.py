@@ -38,8 +38,8 @@ class Repetition:
     def waves(
         self, values: Mapping[str, float], frame: Mapping[str, float], time: float
     ) -> frozenset[float] | None:
-        """Frequencies of all that time does from a time on; None if that is more than to advance
-        phases.
+        """Frequencies of the time dependence after a given time; None if time does more than
+        advance phases.
 
         Parameters
         ----------

@@ -49,8 +49,8 @@ class MotionPoint(NamedTuple):
 
 
 def rest_near(pieces: Pieces, point: MotionPoint) -> Array | None:
-    """The state near which a motion is proved to rest, or to move steadily, for ever; None if that
-    is not proved."""
+    """The state near which a motion is proved to rest, or to move steadily, forever; None without a
+    proof."""
     try:
         return _Neighbourhood(pieces, point).settled()
     except (np.linalg.LinAlgError, ArithmeticError):
@@ -84,8 +84,7 @@ class _Neighbourhood:
         return forms[point.mode == 0]
 
     def _directions(self, held: Array) -> Array:
-        """Directions, in units, in which something can move that neither sticks nor is a
-        translation."""
+        """Possible directions of motion, in units, without sticking contacts and translations."""
         n = len(self.y)
         kept = (
             np.vstack([self.piece.bounds(self.t, self.y, self.p).slopes[:, :n], held]) * self.units
@@ -96,8 +95,8 @@ class _Neighbourhood:
         return _null(np.vstack([kept, along.T]))
 
     def settled(self) -> Array | None:
-        """The equilibrium, if the motion stays for ever within a neighbourhood in which it decays
-        towards it."""
+        """The equilibrium, if the motion stays within a neighbourhood in which it converges to
+        it."""
         if self._is_constant():
             return self.y
         y = self._equilibrium()
@@ -151,7 +150,7 @@ class _Neighbourhood:
         return all(held[g] or self._inert(int(g), y) for g in range(len(held)))
 
     def _equilibrium(self) -> Array | None:
-        """Newton's method within the directions that can move."""
+        """Newton's method within the possible directions of motion."""
         y = self.y.copy()
         n = len(self.y)
         for _ in range(_NEWTON):

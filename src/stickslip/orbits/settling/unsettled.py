@@ -26,7 +26,7 @@ _CHANGED = 0.1  # of these logarithms, from the first to the last
 
 
 def elapsed_of(marks: Marks, rules: Rules, saved: Lane) -> Array:
-    """For how long each motion was followed, where its clock has been set back, too."""
+    """Duration of each motion, including resets of its clock."""
     again = np.maximum(marks.numbers[:, COUNT] - 1, 0) * marks.drive
     return saved.clock[:, NOW] + (0.0 if rules.timed else again)
 
@@ -56,8 +56,8 @@ def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
 
 
 def _changes(marks: Marks, rules: Rules, i: int, where: Array, lag: int) -> Array:
-    """From each mark to the one a lag later, relative to the sizes, without frame, translations and
-    cells."""
+    """Changes from each mark to the one a lag later, relative to the sizes, without frame,
+    translations and cells."""
     y, t = marks.state[i, where], marks.time[i, where]
     change = y[lag:] - y[:-lag] - marks.frame[i] * (t[lag:] - t[:-lag])[:, None]
     for shift in rules.shifts:

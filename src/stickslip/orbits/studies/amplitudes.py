@@ -58,7 +58,7 @@ _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once
 
 @dataclass(frozen=True)
 class AtAmplitude:
-    """A cycle of a wanted amplitude.
+    """A cycle of a requested amplitude.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def share_of(problem: Problem, mode: LinearMode, swinging: Swinging) -> float:
 
 
 class Amplitudes:
-    """Finds cycles of given amplitudes.
+    """Search for cycles of given amplitudes.
 
     Parameters
     ----------
@@ -156,8 +156,8 @@ class Amplitudes:
         return self._certified(*self.renewed(*self.solve(*self.begun(amplitude), amplitude)))
 
     def begun(self, amplitude: float) -> tuple[Shooting, Array]:
-        """The equations near the motion from the rest, pushed along the mode: there no slider is
-        stretched."""
+        """The equations near the motion from the equilibrium, displaced along the mode, with no
+        slider extended."""
         names = self.system.declaration.inertial
         part = amplitude / self.share
         start = dict(zip(names, map(float, self.mode.rest), strict=True))
@@ -260,13 +260,13 @@ class Amplitudes:
         return new, new.orbit(x)
 
     def predicted(self, shooting: Shooting, orbit: Orbit, amplitude: float) -> Array:
-        """Unknowns about where the amplitude is another one."""
+        """Predicted unknowns at another amplitude."""
         tangent, slope = self._along(shooting, orbit)
         part = (amplitude - self.amplitude(orbit)) / slope
         return orbit.x + part * _units(shooting, orbit) * tangent
 
     def scaled(self, orbit: Orbit, amplitude: float) -> tuple[Shooting, Array]:
-        """The equations near a cycle that is made larger."""
+        """The equations near a cycle scaled to a larger amplitude."""
         d = self.system.declaration
         y = orbit.legs[0].place.state.copy()
         factor = amplitude / self.amplitude(orbit)
@@ -278,7 +278,7 @@ class Amplitudes:
         return self._near(orbit.problem.parameters[EXCITATION], y, orbit.period)
 
     def _tried(self, shooting: Shooting, x: Array) -> Orbit:
-        """The motion of some unknowns, unless it would grow beyond all bounds."""
+        """The motion of given unknowns, unless it diverges."""
         if not abs(x[-1] - self.mode.decay) * x[shooting.time] <= _STRONGEST:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
@@ -339,7 +339,7 @@ class Amplitudes:
         return gradient
 
     def _along(self, shooting: Shooting, orbit: Orbit) -> tuple[Array, float]:
-        """The direction of the curve in units, and how the amplitude grows along it."""
+        """Direction of the curve in units, and the derivative of the amplitude along it."""
         units = _units(shooting, orbit)
         if not np.all(np.isfinite(orbit.J)):
             raise ConvergenceError(
@@ -363,7 +363,7 @@ class Amplitudes:
         amplitudes: Array,
         found: Callable[[AtAmplitude], None],
     ) -> str:
-        """Go from a cycle to others, from one amplitude to the next.
+        """Continue a cycle to successive amplitudes.
 
         Parameters
         ----------
@@ -398,7 +398,7 @@ class Amplitudes:
         return ""
 
     def _next(self, shooting: Shooting, orbit: Orbit, aim: float) -> tuple[Shooting, Orbit]:
-        """The cycle of another amplitude: along the curve, or near the motion that is larger."""
+        """The cycle of another amplitude: along the curve, or near the scaled motion."""
         try:
             x = self.predicted(shooting, orbit, aim)
             new = self.renewed(*self.solve(shooting, x, aim))
@@ -439,7 +439,7 @@ def _units(shooting: Shooting, orbit: Orbit) -> Array:
 
 
 def _check(shooting: Shooting, orbit: Orbit) -> None:
-    """See that an orbit begins in the modes of its stations, and closes."""
+    """Check that an orbit starts in the modes of its stations, and closes."""
     for station, leg in zip(shooting.stations, orbit.legs, strict=True):
         k = leg.motion.knots
         a = segments(leg.motion)[0][0]
@@ -452,7 +452,7 @@ def _check(shooting: Shooting, orbit: Orbit) -> None:
 
 
 def _ends(motion: Trajectory, along: ValuesAndRates) -> tuple[float, float, tuple[float, float]]:
-    """Least and largest value of an oscillating quantity, and when they are reached."""
+    """Smallest and largest value of an oscillating quantity, and their times."""
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     share = np.linspace(0.0, 1.0, _SAMPLES)

@@ -123,7 +123,7 @@ class Backbone(Result):
 
     @property
     def amplitude(self) -> Array:
-        """Amplitudes, in rising order, shape (points,)."""
+        """Amplitudes, in increasing order, shape (points,)."""
         return self.dataset["amplitude"].values
 
     @property
@@ -336,8 +336,8 @@ def _overdamped(modes: list[LinearMode], mode: int, work: _Work) -> DeclarationE
 
 
 class _Work:
-    """Looks for a cycle of every amplitude, from the ends and from between; if the motion is far
-    from that of the linear mode at all of them, from smaller ones."""
+    """Search for a cycle of every amplitude, from the ends and the middle; if the motion is far
+    from the linear mode at all of them, from smaller amplitudes."""
 
     def __init__(self, seeker: Amplitudes, wanted: Array) -> None:
         self.seeker = seeker

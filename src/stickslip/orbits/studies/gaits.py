@@ -328,8 +328,8 @@ def _bisect(
 def _gait(
     system: System, last: Cycle | None, start: State | None, values: Mapping[str, float]
 ) -> Cycle | str:
-    """The stable gait near the last one, else the one that the motion from there or from the start
-    settles on."""
+    """The stable gait near the last one, otherwise that of the motion from there or from the
+    start."""
     starts = [*([last] if last else []), _held(system, last.state if last else start, values)]
     reason = ""
     for origin in starts:
@@ -351,7 +351,7 @@ def _gait(
 
 
 def _held(system: System, start: State | None, values: Mapping[str, float]) -> dict[str, float]:
-    """A start at which friction can hold the rate-independent coordinates."""
+    """A start in the stable set of the rate-independent coordinates."""
     problem = pose(system, values)
     y = problem.initial_state(start or {})[None]
     settle_friction(derive(system.declaration), problem.parameters, y)

@@ -260,7 +260,7 @@ class HysteresisOperator:
         return d
 
     def path(self, psi: ArrayLike, *, initial: float = 0.0) -> tuple[Array, Array]:
-        """The polygon that (ψ, d) follows.
+        """The polygonal path of (ψ, d).
 
         Parameters
         ----------
@@ -313,7 +313,7 @@ class HysteresisOperator:
         )
 
     def _nodes(self, start: float, end: float) -> Array:
-        """From a value to another one, with the nodes of the curves in between."""
+        """Two values, with the nodes of the curves in between."""
         every = np.union1d(self.lower.nodes, self.upper.nodes)
         between = every[(every > min(start, end)) & (every < max(start, end))]
         return np.array([start, *(between if start < end else between[::-1]), end])
@@ -408,7 +408,7 @@ class _Declared:
         return np.unique(corners)
 
     def _curve(self, name: str, bound: Expr, nodes: Array) -> PiecewiseAffine:
-        """A bound as a curve, which has to be affine between the nodes."""
+        """A bound as a curve, which must be affine between the nodes."""
 
         def values(x: Array) -> Array:
             return np.array([ex.evaluate(bound, {self.driver: float(v)}) for v in x])

@@ -33,7 +33,7 @@ _AT_REST = 1e-12  # a step of this part of the state is none
 
 @dataclass(frozen=True)
 class LinearMode:
-    """A mode of small oscillations around a rest.
+    """A mode of small oscillations around an equilibrium.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class LinearMode:
 
     @property
     def decay(self) -> float:
-        """Excitation ξ that makes up for the linear damping."""
+        """Excitation ξ that compensates the linear damping."""
         return 2.0 * self.damping * self.frequency
 
 
@@ -135,7 +135,7 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
 
 
 def _driving(system: System) -> str:
-    """Drives that act, in words."""
+    """Description of the active drives."""
     drives = system.declaration.drives
     acting = [name for name, e in drives.items() if "t" in e.symbols]
     acting += list(system.declaration.given)
@@ -143,7 +143,7 @@ def _driving(system: System) -> str:
 
 
 def _undriven(system: System, values: Mapping[str, float]) -> System:
-    """The system without time where parameters that are zero switch it off."""
+    """The system without the drives that zero parameters switch off."""
     d = system.declaration
     zero = {name: ex.ZERO for name, value in values.items() if value == 0.0}
 
@@ -201,7 +201,8 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
     begin = np.array([d.start[q] for q in names])
 
     def rests(rest: Array) -> tuple[Array, Array] | None:
-        """Newton's method to a rest and the stiffness there; None if it finds none."""
+        """Newton's method for an equilibrium, with the stiffness there; None if it does not
+        converge."""
         stiffness = np.zeros((n, n))
         for _ in range(_STEPS):
             at = {**still, **dict(zip(names, map(float, rest), strict=True))}

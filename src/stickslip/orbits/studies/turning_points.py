@@ -133,7 +133,7 @@ def _switched(followed: SwingTrace, step: int, clock: float) -> bool:
 
 
 def _samples(followed: SwingTrace) -> tuple[AnyArray, Array, Array, Array]:
-    """Step, time, position and velocity at times between which the motion is a cubic, nearly.
+    """Step, time, position and velocity at times between which the motion is approximately cubic.
 
     Both limits at every knot are among them.
     """

@@ -9,20 +9,20 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.rate_independent.averaging.minima import PHASE_SAMPLES
+from stickslip.rate_independent.sets.phase_intervals import NOWHERE_NEAR, Index, Near
 from stickslip.rate_independent.sets.potential import Dissipation
-from stickslip.rate_independent.sets.stretches import NOWHERE_NEAR, Index, Near
-from stickslip.rate_independent.signals.signal import NARROWEST_STRETCH
+from stickslip.rate_independent.signals.signal import NARROWEST_INTERVAL
 
-_PARTS = 8  # of a stretch that is divided
+_PARTS = 8  # of a divided interval
 # neighbours to both sides that are divided along with it: the next force will ask for them
 _AHEAD = 4
 _SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
-_MOST = 2**18  # stretches
+_MOST = 2**18  # intervals
 _BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
 NO_PHASES = np.zeros(0)  # phases at which a force touches
 
 
-class Looked(NamedTuple):
+class SearchResult(NamedTuple):
     """Results for a force.
 
     Attributes
@@ -40,10 +40,10 @@ class Looked(NamedTuple):
 
 
 class Cover:
-    """The phases of a potential, on stretches that are divided into more and more parts.
+    """The phases of a potential, on intervals that are successively divided.
 
-    A stretch is divided where a force that is outside of no K(s) at its ends might be in between.
-    What was divided stays so for the next force: nearby forces cost a few passes over arrays.
+    An interval is divided if a force that is inside K(s) at its ends may be outside in between. The
+    subdivision is kept for the next force, so that nearby forces cost a few passes over arrays.
     """
 
     def __init__(self, source: Dissipation) -> None:
@@ -70,7 +70,7 @@ class Cover:
         """Number of examined phases."""
         return len(self) + 1
 
-    def look(self, xi: Array, enough: float, touching: Array = NO_PHASES) -> Looked:
+    def look(self, xi: Array, enough: float, touching: Array = NO_PHASES) -> SearchResult:
         """Phases at which ξ lies outside K(s); the search may end once its excess is larger than
         `enough`.
 
@@ -85,7 +85,9 @@ class Cover:
             found += [start, end]
             bound = max(bound, float(done.max(initial=-np.inf)))
         excess = np.concatenate(found)
-        return Looked(np.concatenate(phases), excess, np.inf if excess.max() > enough else bound)
+        return SearchResult(
+            np.concatenate(phases), excess, np.inf if excess.max() > enough else bound
+        )
 
     def _near(self, touching: Array, peaks: Array, xi: Array, enough: float) -> Near:
         """Second-order bounds around phases at which ξ touches, or appears to touch, K(s)."""
@@ -136,7 +138,7 @@ class Cover:
             ends = np.maximum(start, end)
             np.maximum.at(seen, which, ends)
             # What is narrower than the rounding of a phase has no inside.
-            wide = self.high[active] - self.low[active] > NARROWEST_STRETCH
+            wide = self.high[active] - self.low[active] > NARROWEST_INTERVAL
             if share is None:
                 wide &= seen[which] <= enough
             limit = np.maximum(enough, (1.0 + (share or 0.0)) * seen[which])
@@ -166,8 +168,7 @@ class Cover:
             active = self._children(active[open_])
 
     def _taken(self, active: Index, which: Index) -> tuple[Index, Index, Any]:
-        """Stretches, sorted by where they are stored, the forces that belong to them, and their
-        rows."""
+        """Intervals, sorted by their storage, with their forces and rows."""
         if np.array_equal(active, np.arange(self.roots)):
             return active, which, self.first
         block = np.searchsorted(self.begins, active, side="right") - 1
@@ -185,8 +186,8 @@ class Cover:
             rows = rows.joined(piece)
         return active, which, rows
 
-    def _children(self, stretches: Index) -> Index:
-        new = np.unique(stretches[self.child[stretches] < 0])
+    def _children(self, intervals: Index) -> Index:
+        new = np.unique(intervals[self.child[intervals] < 0])
         if len(new):
             new = self._with_neighbours(new)
             share = np.arange(_PARTS + 1) / _PARTS
@@ -199,16 +200,16 @@ class Cover:
             self.low = np.append(self.low, low)
             self.high = np.append(self.high, high)
             self.child = np.append(self.child, np.full(len(low), -1, np.intp))
-        return (self.child[stretches, None] + np.arange(_PARTS)).ravel()
+        return (self.child[intervals, None] + np.arange(_PARTS)).ravel()
 
-    def _with_neighbours(self, stretches: Index) -> Index:
-        near = np.clip(stretches[:, None] + np.arange(-_AHEAD, _AHEAD + 1), 0, len(self) - 1)
-        width = (self.high - self.low)[stretches, None]
-        beside = np.abs(self.low[near] - self.low[stretches, None]) <= (_AHEAD + 0.5) * width
+    def _with_neighbours(self, intervals: Index) -> Index:
+        near = np.clip(intervals[:, None] + np.arange(-_AHEAD, _AHEAD + 1), 0, len(self) - 1)
+        width = (self.high - self.low)[intervals, None]
+        beside = np.abs(self.low[near] - self.low[intervals, None]) <= (_AHEAD + 0.5) * width
         beside &= np.abs((self.high - self.low)[near] - width) <= 1e-3 * width
-        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROWEST_STRETCH)])
+        return np.unique(near[beside & (self.child[near] < 0) & (width > NARROWEST_INTERVAL)])
 
     def scale(self, s: float) -> float:
-        """Width of the finest stretch around a phase; 1 if no phase matters."""
+        """Width of the finest interval around a phase; 1 without dependence on the phase."""
         inside = (self.low <= s) & (s <= self.high)
         return float((self.high - self.low)[inside].min(initial=1.0)) or 1.0

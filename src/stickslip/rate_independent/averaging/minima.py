@@ -24,7 +24,7 @@ _MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
 def least_over_phases(signal: Signal) -> Minima:
-    """The least value of every entry of an array of the phase, and the phase at which it is taken.
+    """The smallest value of every entry of an array over the phase, and the phase of the minimum.
 
     Parameters
     ----------
@@ -101,7 +101,9 @@ def expected_low(before: Array, here: Array, after: Array) -> Array:
         return here - (before - here) - (after - here)
 
 
-def sharpened(phases: Array, values: Array, f: Callable[[Array], Array]) -> tuple[Array, Array]:
+def refined_maxima(
+    phases: Array, values: Array, f: Callable[[Array], Array]
+) -> tuple[Array, Array]:
     """Maxima of functions near the middle of three phases each, by parabolas, and by sections where
     there is a kink.
 

@@ -1,4 +1,4 @@
-"""Motions of minimum cost: which part of a displacement is made at which phase."""
+"""Motions of minimum cost: the distribution of a displacement over phases."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def measure_with_sum(
 
 
 def gathered(phases: Array, motions: Array) -> tuple[Array, Array]:
-    """The same measure with increasing phases, each once."""
+    """The same measure with increasing, distinct phases."""
     together, place = np.unique(phases, return_inverse=True)
     sums = np.zeros((len(together), motions.shape[1]))
     np.add.at(sums, place, motions)
@@ -65,7 +65,7 @@ def scheduled(source: Dissipation, V: Array, when: Array, bound: float) -> Optim
 
 
 def vanishing(thresholds: Array) -> NDArray[np.bool_]:
-    """Thresholds that count as 0."""
+    """Thresholds that are treated as 0."""
     return thresholds <= VANISHING_THRESHOLD * float(thresholds.max())
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
 from stickslip.numerics.levels import FINE_RANK
+from stickslip.rate_independent.sets.phase_intervals import AtPhases
 from stickslip.rate_independent.sets.potential import Dissipation
-from stickslip.rate_independent.sets.stretches import AtPhases
 from stickslip.rate_independent.signals.signal import wrapped
 
 _STEP = 1e-6  # of differences in Newton's method
@@ -29,7 +29,7 @@ _SLOW = 1e-8  # below this, what falls slowly is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class HeldForce:
+class ForceWithMultipliers:
     """A force ξ and its multipliers: motions v_k at phases s_k.
 
     Attributes
@@ -57,16 +57,16 @@ class HeldForce:
         """The sum of the motions."""
         return self.motions.sum(axis=0)
 
-    def balanced(self, c: Array, Q: Array | None) -> HeldForce:
+    def balanced(self, c: Array, Q: Array | None) -> ForceWithMultipliers:
         """The force with motions whose sum is exactly c − Qξ: the largest one is corrected."""
         motions = self.motions.copy()
         rest = c - motions.sum(axis=0) - (0.0 if Q is None else Q @ self.xi)
         motions[int(np.linalg.norm(motions, axis=1).argmax())] += rest
         return replace(self, motions=motions)
 
-    def merged(self, within: float) -> HeldForce:
-        """With phases that are closer than that to the next one made one: a double root would stop
-        Newton's method."""
+    def merged(self, within: float) -> ForceWithMultipliers:
+        """The force with phases merged that are closer than a distance, since Newton's method fails
+        at double roots."""
         order = np.argsort(self.phases)
         phases, motions = self.phases[order], self.motions[order]
         pieces = np.split(np.arange(len(phases)), np.flatnonzero(np.diff(phases) > within) + 1)
@@ -86,8 +86,13 @@ class HeldForce:
 
 
 def refined(
-    source: Dissipation, held: HeldForce, c: Array, Q: Array | None, size: float, scales: Array
-) -> HeldForce:
+    source: Dissipation,
+    held: ForceWithMultipliers,
+    c: Array,
+    Q: Array | None,
+    size: float,
+    scales: Array,
+) -> ForceWithMultipliers:
     """Newton's method for ξ, v_k and s_k at once, from close to the solution.
 
     Qξ + Σ v_k = c, v_k is normal to K(s_k) at ξ, and s_k is stationary for the distance of ξ + v_k
@@ -97,7 +102,7 @@ def refined(
 
     Parameters
     ----------
-    held : HeldForce
+    held : ForceWithMultipliers
         Close to the solution.
     c : array, shape (n,)
     Q : array, shape (n, n), optional
@@ -151,11 +156,11 @@ def refined(
         off, rest, touch = ahead
         if slow:
             break
-    return HeldForce(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
+    return ForceWithMultipliers(x * size, wrapped(contacts[:, n]), contacts[:, :n] * length)
 
 
 def _jacobian(curvature: Array, changes: Array) -> Array:
-    """Derivatives of the equations, from those of where contacts touch: (k, unknown, result)."""
+    """Derivatives of the equations, from those of the contact points: (k, unknown, result)."""
     n, k = len(curvature), len(changes)
     jacobian = np.zeros((n + k * (n + 1), n + k * (n + 1)))
     jacobian[:n, :n] = curvature

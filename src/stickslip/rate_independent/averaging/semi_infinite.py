@@ -24,19 +24,19 @@ from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.kept import cached_property
 from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
-from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
-from stickslip.rate_independent.averaging.minima import sharpened
+from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, SearchResult
+from stickslip.rate_independent.averaging.minima import refined_maxima
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum
-from stickslip.rate_independent.averaging.polishing import HeldForce, refined
+from stickslip.rate_independent.averaging.polishing import ForceWithMultipliers, refined
 from stickslip.rate_independent.sets.cones import ConeForm, solve_cones
-from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     AtPhases,
     Fixed,
     OneByOne,
-    Stretches,
+    PhaseIntervals,
     lengths,
 )
+from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
@@ -110,7 +110,7 @@ class Intersection(Average):
         return self._resisting(self.vector(v, "v")).xi
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """The measure v(s), with the duality gap that was reached.
+        """The measure v(s), with its duality gap.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class Intersection(Average):
     def sampled(self, phases: Array) -> AtPhases:
         return Together(self, phases)
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         ends = Together(self, low)
         return FixedTogether(ends, ends)
 
@@ -195,17 +195,17 @@ class Intersection(Average):
         return lineality(self, 10 * self.tolerance * self.size)
 
     @cached_property
-    def _memory(self) -> deque[HeldForce]:
+    def _memory(self) -> deque[ForceWithMultipliers]:
         """Last results, as starts for the next searches, which are often nearby."""
         return deque(maxlen=_MEMORY)
 
     @cached_property
-    def _forces(self) -> deque[HeldForce]:
+    def _forces(self) -> deque[ForceWithMultipliers]:
         """The last two nearest points."""
         return deque(maxlen=2)
 
     @cached_property
-    def _looked(self) -> deque[Looked]:
+    def _looked(self) -> deque[SearchResult]:
         """Phases of the last evaluations; the forces are rows of a circular buffer."""
         return deque(maxlen=_LOOKS)
 
@@ -219,7 +219,7 @@ class Intersection(Average):
         sets = self._forces[-1].sets if self._forces else None
         return sets is not None and float(sets.excess(xi).max()) > least
 
-    def _known(self, xi: Array) -> Looked | None:
+    def _known(self, xi: Array) -> SearchResult | None:
         """Known results for a force that agrees with a previous one up to rounding."""
         away = np.abs(self._places - xi).max(axis=1)
         k = int(away.argmin())
@@ -228,7 +228,7 @@ class Intersection(Average):
         looked = self._looked[k - _LOOKS + len(self._looked)]
         return looked._replace(bound=looked.bound + float(away[k]) * len(xi))
 
-    def _look(self, xi: Array, touching: Array = NO_PHASES) -> Looked:
+    def _look(self, xi: Array, touching: Array = NO_PHASES) -> SearchResult:
         looked = self._known(xi)
         if looked is None:
             looked = self.cover.look(xi, _SURE * self.tolerance * self.size, touching)
@@ -237,10 +237,10 @@ class Intersection(Average):
             self._places[-1] = xi
         return looked
 
-    def _resisting(self, V: Array) -> HeldForce:
+    def _resisting(self, V: Array) -> ForceWithMultipliers:
         """The force in K_av that resists V most, and the motion it cannot resist better."""
         if not V.any() or self.size == 0.0:
-            return HeldForce(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
+            return ForceWithMultipliers(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
         if (again := self._remembered(V, self.tolerance)) is not None:
             return again
         # Perhaps one phase does everything: the one at which V costs least.
@@ -250,13 +250,18 @@ class Intersection(Average):
         high = self.cover.high
         near = np.array([low[k - 1] - (k == 0), low[k], high[k]])[:, None]
         values = np.array([costs[k - 1], costs[k], costs[(k + 1) % len(costs)]])[:, None]
-        s = wrapped(sharpened(near, -values, lambda s: -self.source.sampled(s).support(V))[0])
+        s = wrapped(refined_maxima(near, -values, lambda s: -self.source.sampled(s).support(V))[0])
         return self._exchange(
-            HeldForce(self.source.exposed(V, float(s[0])), s, V[None]), V, None, self.tolerance
+            ForceWithMultipliers(self.source.exposed(V, float(s[0])), s, V[None]),
+            V,
+            None,
+            self.tolerance,
         )
 
-    def _exchange(self, held: HeldForce, c: Array, Q: Array | None, rule: float) -> HeldForce:
-        """The ξ with the least ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩ and a duality gap below `rule`."""
+    def _exchange(
+        self, held: ForceWithMultipliers, c: Array, Q: Array | None, rule: float
+    ) -> ForceWithMultipliers:
+        """The ξ that minimises ½⟨Qξ, ξ⟩ − ⟨c, ξ⟩, with a duality gap below `rule`."""
         held = self._judged(held)
         constraints = [self._constraint(s, held.xi) for s in held.phases]
         least, value = np.inf, np.inf
@@ -280,13 +285,13 @@ class Intersection(Average):
             f"Increase the tolerance {self.tolerance:g}",
         )
 
-    def _kept(self, held: HeldForce, Q: Array | None) -> HeldForce:
+    def _kept(self, held: ForceWithMultipliers, Q: Array | None) -> ForceWithMultipliers:
         self._memory.append(held)
         if Q is not None:
             self._forces.append(held)
         return held
 
-    def _remembered(self, V: Array, rule: float) -> HeldForce | None:
+    def _remembered(self, V: Array, rule: float) -> ForceWithMultipliers | None:
         """The force opposing V, if it follows from previous results."""
         if not self._memory:
             return None
@@ -307,9 +312,9 @@ class Intersection(Average):
             held = self._newton(held, V, None)
         return self._kept(held, None) if self._gap(held, V, None) <= rule else None
 
-    def _ahead(self, xi: Array, Q: Array) -> HeldForce:
-        """A start for the point nearest to ξ, from the last two that were found: steps of an
-        evolution are close."""
+    def _ahead(self, xi: Array, Q: Array) -> ForceWithMultipliers:
+        """A start for the point nearest to ξ, from the last two points, since steps of an evolution
+        are close."""
         last, before = self._forces[-1], self._forces[0]
         near = (
             last.phases.shape == before.phases.shape
@@ -323,14 +328,14 @@ class Intersection(Average):
             if near
             else (last.xi, last.motions)
         )
-        return HeldForce(point, phases, motions).balanced(Q @ xi, Q).merged(_SAME)
+        return ForceWithMultipliers(point, phases, motions).balanced(Q @ xi, Q).merged(_SAME)
 
-    def _at_once(self, xi: Array, Q: Array, s: float) -> HeldForce:
-        """The point nearest to ξ if all moves at one phase."""
+    def _at_once(self, xi: Array, Q: Array, s: float) -> ForceWithMultipliers:
+        """The point nearest to ξ if all motion is at one phase."""
         y = self.source.project(xi, s, Q)
-        return HeldForce(y, np.array([s]), (Q @ (xi - y))[None])
+        return ForceWithMultipliers(y, np.array([s]), (Q @ (xi - y))[None])
 
-    def _gap(self, held: HeldForce, c: Array, Q: Array | None) -> float:
+    def _gap(self, held: ForceWithMultipliers, c: Array, Q: Array | None) -> float:
         """Duality gap, relative to the motion; infinite while ξ is outside K_av."""
         if held.bound > self.tolerance * self.size:
             return np.inf
@@ -339,7 +344,9 @@ class Intersection(Average):
         least = 0.0 if Q is None else 1e-3 * self.size * float(np.abs(Q).max())
         return held.gap(self.source) / (self.size * max(moved, least))
 
-    def _refined(self, held: HeldForce, c: Array, Q: Array | None) -> HeldForce:
+    def _refined(
+        self, held: ForceWithMultipliers, c: Array, Q: Array | None
+    ) -> ForceWithMultipliers:
         """Result of Newton's method, once convergence is likely; neighbouring phases may be
         merged."""
         if held.violation > _NEAR * self.size:
@@ -348,23 +355,29 @@ class Intersection(Average):
         found = [self._newton(start, c, Q) for start in ([one] if one is held else [one, held])]
         return min(found, key=lambda closer: self._gap(closer, c, Q))
 
-    def _newton(self, held: HeldForce, c: Array, Q: Array | None) -> HeldForce:
+    def _newton(
+        self, held: ForceWithMultipliers, c: Array, Q: Array | None
+    ) -> ForceWithMultipliers:
         scales = np.array([self.cover.scale(s) for s in held.phases.tolist()])
         try:
             return self._judged(refined(self.source, held, c, Q, self.size, scales).balanced(c, Q))
         except ConvergenceError:  # a projection far from K(s)
             return held
 
-    def _solved(self, constraints: Sequence[Constraint], c: Array, Q: Array | None) -> HeldForce:
+    def _solved(
+        self, constraints: Sequence[Constraint], c: Array, Q: Array | None
+    ) -> ForceWithMultipliers:
         """The solution for a few phases."""
         size = float(np.abs(c).max())
         curvature = None if Q is None else Q * (self.size / size)
         xi, motions = solve_cones([form for _, form in constraints], c / size, curvature)
         phases, motions = self._tidied(np.array([s for s, _ in constraints]), motions * size)
-        return HeldForce(xi * self.size, phases, motions).balanced(c, Q)
+        return ForceWithMultipliers(xi * self.size, phases, motions).balanced(c, Q)
 
-    def _exchanged(self, constraints: list[Constraint], *found: HeldForce) -> list[Constraint]:
-        """The constraints that hold a force, those that it violates, and given others."""
+    def _exchanged(
+        self, constraints: list[Constraint], *found: ForceWithMultipliers
+    ) -> list[Constraint]:
+        """Active constraints of a force, violated ones, and given others."""
         forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
         if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
             constraints = [(s, form) for s, form in constraints if s not in forces]
@@ -373,7 +386,7 @@ class Intersection(Average):
     def _constraint(self, s: float, xi: Array) -> Constraint:
         return s, self.source.outer_form(s, xi).scaled(1.0 / self.size)
 
-    def _judged(self, held: HeldForce) -> HeldForce:
+    def _judged(self, held: ForceWithMultipliers) -> ForceWithMultipliers:
         """Excess over K(s), at the phases of the multipliers and at all others."""
         looked = self._look(held.xi, held.phases)
         sets = self.source.sampled(held.phases)
@@ -387,7 +400,7 @@ class Intersection(Average):
             bound=max(looked.bound, violation),
         )
 
-    def _peaks(self, looked: Looked, xi: Array) -> list[float]:
+    def _peaks(self, looked: SearchResult, xi: Array) -> list[float]:
         """Local maxima of the excess of ξ over K(s), the largest first."""
         phases, first = np.unique(wrapped(looked.phases), return_index=True)
         excess = looked.excess[first]
@@ -405,7 +418,7 @@ class Intersection(Average):
             [phases[k - 1] - (k == 0), phases[k], phases[(k + 1) % count] + (k + 1 == count)]
         )
         values = np.array([before[k], excess[k], after[k]])
-        found, value = sharpened(near, values, lambda s: self.source.sampled(s).excess(xi))
+        found, value = refined_maxima(near, values, lambda s: self.source.sampled(s).excess(xi))
         return wrapped(found[np.argsort(-value)]).tolist()
 
     def _tidied(self, phases: Array, motions: Array) -> tuple[Array, Array]:
@@ -442,7 +455,7 @@ class Intersection(Average):
         )
 
 
-def _worst(looked: Looked) -> float:
+def _worst(looked: SearchResult) -> float:
     """Signed distance of a force; 0 if it is outside by less than the resolution."""
     worst = float(looked.excess.max())
     return (
@@ -474,7 +487,7 @@ class FixedTogether(Fixed):
     def outside(
         self, before: Array, after: Array, off: Array, enough: float | Array
     ) -> tuple[Array, Array, Array]:
-        # The force at the end of a stretch is that at the start of the next one.
+        # The force at the end of an interval is that at the start of the next one.
         forces, place = np.unique(np.concatenate([before, after]), axis=0, return_inverse=True)
         first, last = np.split(self.start.potential.excesses(forces)[place.ravel()], 2)
         return first, last, self.between(np.maximum(first, last), before, after, off, enough)

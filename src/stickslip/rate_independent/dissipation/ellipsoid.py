@@ -15,16 +15,16 @@ from stickslip.numerics.levels import COMPUTED_ZERO, ROUNDED_TERM, SYMMETRIC
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid
-from stickslip.rate_independent.sets.potential import Dissipation
-from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     NOWHERE_NEAR,
     AtPhases,
     Near,
+    PhaseIntervals,
     RowWise,
-    Stretches,
     lengths,
 )
+from stickslip.rate_independent.sets.potential import Dissipation
+from stickslip.rate_independent.sets.projections import nearest_in_ellipsoid, secular
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, Signal, wrapped
 
@@ -148,7 +148,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     def bounded(self) -> bool:
         return self.matrix.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         S = self.matrix.chord(low, high)
         start, end = (
             SampledEllipsoid(*self._axes(at, s)) for at, s in ((S.start, low), (S.end, high))
@@ -158,7 +158,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         shrink = S.off.sum(axis=2)[:, :, None] * np.eye(self.dimension)
         inner = (SampledEllipsoid(*_axes(at - shrink)) for at in (S.start, S.end))
         off = np.sqrt(np.square(S.off).sum(axis=(1, 2)))
-        return StretchesOfEllipsoids(start, end, np.maximum(off - start.floor, 0.0), *inner)
+        return EllipsoidsOnIntervals(start, end, np.maximum(off - start.floor, 0.0), *inner)
 
     @cached_property
     def _parabolas(self) -> Parabolas | None:
@@ -204,7 +204,7 @@ class SampledEllipsoid(RowWise, AtPhases):
 
     @cached_property
     def kept(self) -> Array:
-        """Squares, without those that are rounding."""
+        """Squared lengths, without rounding errors."""
         return np.where(self.squares > self.floor[:, None], self.squares, 0.0)
 
     @cached_property
@@ -257,8 +257,8 @@ class SampledEllipsoid(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfEllipsoids(RowWise, Stretches[SampledEllipsoid]):
-    """Ellipsoids on stretches of phases.
+class EllipsoidsOnIntervals(RowWise, PhaseIntervals[SampledEllipsoid]):
+    """Ellipsoids on phase intervals.
 
     Attributes
     ----------

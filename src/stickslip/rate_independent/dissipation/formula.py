@@ -18,9 +18,9 @@ from stickslip.numerics.levels import SAME_VALUE
 from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
 from stickslip.rate_independent.dissipation.recognised import recognised
 from stickslip.rate_independent.sets.cones import ConeForm
+from stickslip.rate_independent.sets.phase_intervals import AtPhases, Near, PhaseIntervals
 from stickslip.rate_independent.sets.potential import Average, Dissipation
 from stickslip.rate_independent.sets.stable_sets import StableSets
-from stickslip.rate_independent.sets.stretches import AtPhases, Near, Stretches
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -217,7 +217,7 @@ class SupportFormula(Dissipation, kind="formula"):
     def bounded(self) -> bool:
         return self.form.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         return self.form.over(low, high)
 
     def closest(self, phases: Array, xi: Array) -> Array:

@@ -18,14 +18,14 @@ from stickslip.kept import cached_property
 from stickslip.numerics.levels import ROUNDED_SUM
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.newton import Normal, NormalSearch
-from stickslip.rate_independent.sets.potential import Dissipation
-from stickslip.rate_independent.sets.projections import nearest_by_support
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     OneByOne,
+    PhaseIntervals,
     RowWise,
-    Stretches,
     lengths,
 )
+from stickslip.rate_independent.sets.potential import Dissipation
+from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import OF_PHASE, wrapped
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import slopes
@@ -169,10 +169,10 @@ class FormulaSets(Dissipation):
     def bounded(self) -> bool:
         return True
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         start, end = self.sampled(low), self.sampled(high)
         off = self._deviations(low, high) if self.depends_on_phase else np.zeros(len(low))
-        return StretchesOfFormulas(start, end, off)
+        return FormulasOnIntervals(start, end, off)
 
     def average(self, tolerance: float = 1e-8) -> Intersection:
         return Intersection(self, tolerance)
@@ -212,7 +212,7 @@ class FormulaSets(Dissipation):
         return y, None
 
     def near(self, xi: Array, s: float, start: Array | None = None) -> Nearby:
-        """A point of K(s) that is as close to ξ, shape (n,), as any.
+        """The point of K(s) nearest to ξ, shape (n,).
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class FormulaSets(Dissipation):
         return Nearby(self._search.on_face(found, self._others(s)), np.nan, start)
 
     def _inside(self, xi: Array, s: float, start: Array | None) -> Nearby | None:
-        """The point itself, if it is seen to lie in K(s) up to rounding."""
+        """The point itself, if it is in K(s) up to rounding."""
         ray = self._on_ray(xi, s, start)
         if ray is None:
             return None
@@ -355,8 +355,8 @@ class SampledFormula(OneByOne):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfFormulas(RowWise, Stretches[OneByOne]):
-    """A formula on stretches of phases.
+class FormulasOnIntervals(RowWise, PhaseIntervals[OneByOne]):
+    """A formula on phase intervals.
 
     Attributes
     ----------

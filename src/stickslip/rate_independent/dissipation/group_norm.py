@@ -13,6 +13,12 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, balls
+from stickslip.rate_independent.sets.phase_intervals import (
+    AtPhases,
+    PhaseIntervals,
+    RowWise,
+    lengths,
+)
 from stickslip.rate_independent.sets.potential import (
     Average,
     ClosedForm,
@@ -21,7 +27,6 @@ from stickslip.rate_independent.sets.potential import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
 from stickslip.rate_independent.sets.stable_sets import Boxes, Discs
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
 from stickslip.rate_independent.sets.thresholds import (
     nonnegative,
     nonnegative_over,
@@ -130,10 +135,10 @@ class GroupNorm(Dissipation, kind="group norm"):
     def bounded(self) -> bool:
         return self.radius.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         radii = self.radius.chord(low, high)
         start, end = SampledBalls(self.size, radii.start), SampledBalls(self.size, radii.end)
-        return StretchesOfBalls(start, end, radii.off)
+        return BallsOnIntervals(start, end, radii.off)
 
     def average(self, tolerance: float = 1e-8) -> AveragedGroupNorm:
         """Each radius is replaced by its minimum over the phase, to machine precision; `tolerance`
@@ -157,7 +162,7 @@ class AveragedGroupNorm(Average, GroupNorm):
 
     @property
     def phases(self) -> Array:
-        """When each group moves, shape (groups,)."""
+        """Phases at which the groups move, shape (groups,)."""
         return self.least.phases
 
     @property
@@ -212,8 +217,9 @@ class SampledBalls(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBalls(RowWise, Stretches[SampledBalls]):
-    """Balls on stretches of phases, and how far their radii may be from straight lines."""
+class BallsOnIntervals(RowWise, PhaseIntervals[SampledBalls]):
+    """Balls on phase intervals, with bounds of the deviations of their radii from straight
+    lines."""
 
     start: SampledBalls
     end: SampledBalls

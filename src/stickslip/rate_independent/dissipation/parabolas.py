@@ -18,7 +18,7 @@ from stickslip.arrays import Array
 from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.rate_independent.signals.signal import Signal
 
-CELLS = 4096  # stretches of equal length on which S″ is enclosed
+CELLS = 4096  # intervals of equal length on which S″ is enclosed
 # by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
 _SHIFTS = (1, 1, 2, 4, 8, 16)
 _NEWTON = 4  # steps to a vertex

@@ -20,13 +20,14 @@ from stickslip.rate_independent.averaging.optimal_motion import (
 from stickslip.rate_independent.averaging.semi_infinite import Intersection, lineality
 from stickslip.rate_independent.dissipation.polytopes import (
     QHULL_UP_TO,
+    HalfspacesOnIntervals,
+    HullsOnIntervals,
     SampledHalfspaces,
-    StretchesOfHalfspaces,
-    StretchesOfHulls,
     facets,
     sampled_hulls,
 )
 from stickslip.rate_independent.sets.cones import ConeForm, hull, polyhedron, solve_cones
+from stickslip.rate_independent.sets.phase_intervals import AtPhases, PhaseIntervals
 from stickslip.rate_independent.sets.potential import (
     Average,
     ClosedForm,
@@ -40,7 +41,6 @@ from stickslip.rate_independent.sets.projections import (
     onto_span,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import AtPhases, Stretches
 from stickslip.rate_independent.sets.thresholds import nonnegative, nonnegative_over
 from stickslip.rate_independent.signals.reading import read_phase
 from stickslip.rate_independent.signals.signal import (
@@ -223,24 +223,24 @@ class Polytope(Dissipation, kind="polytope"):
     def bounded(self) -> bool:
         return all(part is None or part.bounded for part in (self.corners, self.faces, self.reach))
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         if self.corners is not None:
             points = self.corners.chord(low, high)
             hulls = sampled_hulls(self, low, points.start), sampled_hulls(self, high, points.end)
-            return StretchesOfHulls(*hulls, points.off)
+            return HullsOnIntervals(*hulls, points.off)
         N, b = self._given(self.faces).chord(low, high), self._given(self.reach).chord(low, high)
         ends = (
             SampledHalfspaces(self, low, N.start, b.start),
             SampledHalfspaces(self, high, N.end, b.end),
         )
-        return StretchesOfHalfspaces(*ends, N.off, b.off)
+        return HalfspacesOnIntervals(*ends, N.off, b.off)
 
     @cached_property
     def _fixed_vertices(self) -> Array | None:
         return self._intersected(0.0)
 
     def _intersected(self, s: float) -> Array | None:
-        """Vertices of half-spaces around 0; None where they are too many or too close to 0."""
+        """Vertices of half-spaces around 0; None if they are too many or too close to 0."""
         if not 2 <= self.dimension <= QHULL_UP_TO:
             return None
         from scipy.spatial import HalfspaceIntersection
@@ -309,7 +309,7 @@ class AveragedPolytope(Average, Polytope):
 
     @property
     def phases(self) -> Array:
-        """When each face comes closest to 0, shape (m,)."""
+        """Phases at which the faces are closest to 0, shape (m,)."""
         return self.least.phases
 
     @property
@@ -328,7 +328,7 @@ class AveragedPolytope(Average, Polytope):
         return ClosedForm([words], {"normals": normals, "offsets": offsets})
 
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """Each face pushes along its normal at the phase at which it is closest."""
+        """Motion along the normal of each face, at the phase at which it is closest to 0."""
         v = self.vector(V, "V")
         normals, offsets = self.halfspaces_at()
         size = float(offsets.max()) or 1.0

@@ -11,12 +11,17 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
 from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
+from stickslip.rate_independent.sets.phase_intervals import (
+    AtPhases,
+    PhaseIntervals,
+    RowWise,
+    lengths,
+)
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,
     weights_in_hull,
 )
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches, lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
@@ -27,7 +32,7 @@ QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 
 
 def facets(points: Array) -> tuple[Array, Array] | None:
-    """Unit normals and offsets of the facets of a convex hull; None where they are too many, or the
+    """Unit normals and offsets of the facets of a convex hull; None if they are too many, or the
     hull is flat."""
     if points.shape[1] == 1:
         return np.array([[1.0], [-1.0]]), np.array([points.max(), -points.min()])
@@ -89,9 +94,9 @@ class SampledHalfspaces(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHalfspaces(RowWise, Stretches[SampledHalfspaces]):
-    """Half-spaces on stretches of phases, and how far normals and offsets may be from straight
-    lines."""
+class HalfspacesOnIntervals(RowWise, PhaseIntervals[SampledHalfspaces]):
+    """Half-spaces on phase intervals, with bounds of the deviations of normals and offsets from
+    straight lines."""
 
     start: SampledHalfspaces
     end: SampledHalfspaces
@@ -123,8 +128,7 @@ class StretchesOfHalfspaces(RowWise, Stretches[SampledHalfspaces]):
 
 @dataclass(frozen=True, eq=False)
 class SampledHulls(RowWise, AtPhases):
-    """Convex hulls of points (m, k, n) at m phases, and their facets where they are `known`, as
-    often as needed."""
+    """Convex hulls of points (m, k, n) at m phases, and their facets where `known`."""
 
     potential: Polytope
     phases: Array
@@ -216,8 +220,9 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfHulls(RowWise, Stretches[SampledHulls]):
-    """Convex hulls on stretches of phases, and how far their points may be from straight lines."""
+class HullsOnIntervals(RowWise, PhaseIntervals[SampledHulls]):
+    """Convex hulls on phase intervals, with bounds of the deviations of their points from straight
+    lines."""
 
     start: SampledHulls
     end: SampledHulls

@@ -16,9 +16,9 @@ from stickslip.kept import cached_property
 from stickslip.rate_independent.averaging.optimal_motion import gathered
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.cones import ConeForm, product_of_cones
+from stickslip.rate_independent.sets.phase_intervals import AtPhases, PhaseIntervals, RowWise
 from stickslip.rate_independent.sets.potential import Average, Dissipation, OptimalMotion
 from stickslip.rate_independent.sets.projections import nearest_by_support, nearest_in_metric
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +121,11 @@ class Product(Dissipation):
     def bounded(self) -> bool:
         return all(factor.bounded for factor in self.factors)
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         factors = tuple(factor.over(low, high) for factor in self.factors)
         start = SampledProduct(self.parts, tuple(factor.start for factor in factors))
         end = SampledProduct(self.parts, tuple(factor.end for factor in factors))
-        return StretchesOfProducts(self.parts, start, end, factors)
+        return ProductsOnIntervals(self.parts, start, end, factors)
 
     def average(self, tolerance: float = 1e-8) -> AveragedProduct:
         """The product of the averages."""
@@ -211,13 +211,13 @@ class SampledProduct(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfProducts(RowWise, Stretches[SampledProduct]):
-    """A product on stretches of phases."""
+class ProductsOnIntervals(RowWise, PhaseIntervals[SampledProduct]):
+    """A product on phase intervals."""
 
     parts: list[slice]
     start: SampledProduct
     end: SampledProduct
-    factors: tuple[Stretches[Any], ...]
+    factors: tuple[PhaseIntervals[Any], ...]
 
     def between(
         self, ends: Array, before: Array, after: Array, off: Array, enough: float | Array

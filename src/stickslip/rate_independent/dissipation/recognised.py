@@ -26,7 +26,7 @@ _FLATTEST = 1e-10  # eigenvalue of an ellipsoid, relative to the largest, that i
 
 
 def recognised(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Dissipation | None:
-    """The potential of another kind that a formula is; None if it is not seen to be one.
+    """The potential of another kind that is equal to a formula; None if none is recognised.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def recognised(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Dissipat
 
 
 def _blocks(value: Expr, names: tuple[str, ...]) -> list[tuple[tuple[str, ...], Expr]]:
-    """Groups of neighbouring components that no term joins, with the sum of their terms."""
+    """Groups of neighbouring components without common terms, with the sum of their terms."""
     terms = value.terms if value.op == "sum" else ((value, 1.0),)
     joined = [False] * len(names)  # whether a component goes with the next
     for term, _ in terms:
@@ -75,7 +75,7 @@ def _factor(part: Expr, block: tuple[str, ...], ranges: _Ranges) -> Dissipation:
 
 
 def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Ellipsoid | None:
-    """A root of a quadratic form, maybe with a factor."""
+    """The square root of a quadratic form, possibly with a factor."""
     (term, c) = value.terms[0] if value.op == "sum" and len(value.terms) == 1 else (value, 1.0)
     if term.op != "prod" or c < 0.0:
         return None
@@ -107,7 +107,7 @@ def _polytope(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Polytope 
 
 
 def _vertices(e: Expr, names: tuple[str, ...], rules: ConvexRules) -> list[tuple[Expr, ...]] | None:
-    """Linear functions, by their gradients, of which an expression is the largest."""
+    """Gradients of linear functions whose maximum is the expression."""
     found: list[tuple[Expr, ...]]
     shape = rules.shape(e)
     if shape == AFFINE_SHAPE and not ex.bends(e, names):

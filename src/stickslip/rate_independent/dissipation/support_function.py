@@ -141,7 +141,7 @@ class SupportFunction(Dissipation):
         return value
 
     def _check(self, s: float, v: Array, w: Array) -> None:
-        """Look whether it is a support function in two directions at one phase."""
+        """Check the properties of a support function in two directions at one phase."""
         one = self._psi(s, v)
         other = self._psi(s, w)
         both = self._psi(s, v + w)

@@ -13,6 +13,7 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.minima import Minima, least_thresholds
 from stickslip.rate_independent.averaging.optimal_motion import axes, scheduled, vanishing
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
+from stickslip.rate_independent.sets.phase_intervals import AtPhases, PhaseIntervals, RowWise
 from stickslip.rate_independent.sets.potential import (
     Average,
     ClosedForm,
@@ -21,7 +22,6 @@ from stickslip.rate_independent.sets.potential import (
 )
 from stickslip.rate_independent.sets.projections import nearest_in_box
 from stickslip.rate_independent.sets.stable_sets import Boxes
-from stickslip.rate_independent.sets.stretches import AtPhases, RowWise, Stretches
 from stickslip.rate_independent.sets.thresholds import (
     nonnegative,
     nonnegative_over,
@@ -133,11 +133,11 @@ class WeightedL1(Dissipation, kind="weighted l1"):
     def bounded(self) -> bool:
         return self.above.bounded and self.below.bounded
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         above = self.above.chord(low, high)
         below = above if self.below is self.above else self.below.chord(low, high)
         start, end = SampledBoxes(-below.start, above.start), SampledBoxes(-below.end, above.end)
-        return StretchesOfBoxes(start, end, below.off, above.off)
+        return BoxesOnIntervals(start, end, below.off, above.off)
 
     def average(self, tolerance: float = 1e-8) -> AveragedWeightedL1:
         """Each weight is replaced by its minimum over the phase, to machine precision; `tolerance`
@@ -166,12 +166,12 @@ class AveragedWeightedL1(Average, WeightedL1):
 
     @property
     def upper_phases(self) -> Array:
-        """When component i moves up, shape (n,)."""
+        """Phases at which the components move up, shape (n,)."""
         return self.least_above.phases
 
     @property
     def lower_phases(self) -> Array:
-        """When component i moves down, shape (n,)."""
+        """Phases at which the components move down, shape (n,)."""
         return self.least_below.phases
 
     @property
@@ -227,8 +227,9 @@ class SampledBoxes(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class StretchesOfBoxes(RowWise, Stretches[SampledBoxes]):
-    """Boxes on stretches of phases, and how far their faces may be from straight lines."""
+class BoxesOnIntervals(RowWise, PhaseIntervals[SampledBoxes]):
+    """Boxes on phase intervals, with bounds of the deviations of their faces from straight
+    lines."""
 
     start: SampledBoxes
     end: SampledBoxes

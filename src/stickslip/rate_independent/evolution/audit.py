@@ -231,6 +231,6 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _before(rows: Array, first: Array) -> Array:
-    """Every row replaced by the one before it."""
+    """Every row replaced by the previous one."""
     first = first[None]
     return first if len(rows) == 1 else np.concatenate([first, rows[:-1]])

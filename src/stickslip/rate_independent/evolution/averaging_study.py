@@ -231,7 +231,7 @@ def _checked_periods(epsilons: Sequence[float]) -> Array:
 
 
 def _limit(averaged: Evolution, grid: Array, tolerance: float) -> tuple[Motion, Gauge]:
-    """The averaged motion; again if its time may be that of loading machine code."""
+    """The averaged motion, computed twice if its first time may include loading machine code."""
     motion = motion_of(averaged, tolerance, keep=True)
     gauge = Gauge(averaged.A, grid).measure(motion)
     if motion.wall_time > _LOADING:

@@ -14,10 +14,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.sets.stretches import Index
+from stickslip.rate_independent.sets.phase_intervals import Index
 
-_PARTS = 4  # of a stretch that is divided
-_MOST = 200_000  # stretches of one block of steps
+_PARTS = 4  # of a divided interval
+_MOST = 200_000  # intervals of one block of steps
 
 
 def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:
@@ -35,7 +35,7 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
     worst = np.zeros(len(limit))
     seen = np.full(len(limit), -np.inf)
     looked = 0
-    low, high, step = _stretches(problem, times)
+    low, high, step = _intervals(problem, times)
     while True:
         looked += len(step)
         start, end, out = _outside(problem, times, elastic, low, high, step, float(limit.min()))
@@ -55,9 +55,9 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
         step = np.repeat(step[open_], _PARTS)
 
 
-def _stretches(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
-    """The steps, cut where a table has a knot or a period begins: starts, ends, and the steps they
-    belong to."""
+def _intervals(problem: Evolution, times: Array) -> tuple[Array, Array, Index]:
+    """The steps, divided at knots of tables and starts of periods: starts, ends, and step
+    numbers."""
     cuts = problem.ell.knots
     if problem.dissipation.depends_on_phase:
         first, last = np.ceil(times[0] / problem.epsilon), np.floor(times[-1] / problem.epsilon)

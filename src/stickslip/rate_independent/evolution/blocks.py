@@ -29,7 +29,7 @@ _BETWEEN = 16  # pieces of an interval in which a play moves
 
 
 class Motion(Protocol):
-    """A motion with its costs, which are known once it has passed."""
+    """A motion with its costs, which are available after it is completed."""
 
     steps: int
     wall_time: float
@@ -41,7 +41,7 @@ class Motion(Protocol):
         ...
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """Times (m,) and states (m, n), the start included, part by part; affine in between."""
+        """Times (m,) and states (m, n), including the start, block by block; affine in between."""
         ...
 
     def at(self, times: Array) -> Array:

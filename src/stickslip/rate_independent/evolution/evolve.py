@@ -140,7 +140,7 @@ def nearest_stable(problem: Evolution) -> Array:
 
 
 def check_tolerances(**given: float) -> None:
-    """Reject tolerances that are none."""
+    """Reject invalid tolerances."""
     for name, value in given.items():
         if not (is_finite(value) and value > 0.0):
             raise DeclarationError(
@@ -192,7 +192,7 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
 
 
 def _filled(stops: Array, longest: float) -> Array:
-    """Times with all stops among them, evenly spaced in between, no step longer than given."""
+    """Times including all stops, evenly spaced in between, with a maximum step."""
     counts = np.ceil(np.diff(stops) / longest * (1.0 - WHOLE_COUNT)).astype(int)
     parts = [
         np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(stops[:-1], stops[1:], counts, strict=True)
@@ -336,7 +336,7 @@ class OutputPlan:
         return np.concatenate([t for t, _ in self.kept]), np.concatenate([z for _, z in self.kept])
 
     def restore(self, old: xarray.Dataset) -> None:
-        """Go on after an earlier result."""
+        """Continue after an earlier result."""
         for name in self.observables:
             if name not in old:
                 raise DeclarationError(

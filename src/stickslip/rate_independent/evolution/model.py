@@ -277,7 +277,7 @@ def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
 
 
 def with_samples(tree: Any, given: Mapping[str, TimeFunction], where: str) -> Any:
-    """An expression in the time and measured drives as something that a signal is read from.
+    """An expression in the time and measured drives, as input of a signal.
 
     Raises
     ------

@@ -125,7 +125,7 @@ class March:
         self.outcome, self.detail = outcome, detail
 
     def _try(self, times: Array) -> Measured:
-        """Steps to the given times, or to the first of them if something goes wrong later on."""
+        """Steps to the given times, or to the first of them if a later one fails."""
         while True:
             try:
                 return self._steps(times)

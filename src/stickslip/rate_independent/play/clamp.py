@@ -129,7 +129,7 @@ def _weighted_sum(load: Vector, r: Vector, w: Vector, z: Vector, out: Vector) ->
 
 @entry_point()
 def _each(load: Vector, r: Vector, z: Vector, out: Matrix) -> None:
-    """The plays themselves: row k of `out` has their positions at sample k."""
+    """The plays: row k of `out` contains their positions at sample k."""
     for k in range(len(load)):
         x = load[k]
         for i in range(len(r)):
@@ -218,7 +218,7 @@ def prandtl_ishlinskii(
 
 
 def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array, Array, Array]:
-    """The checked load and radii, and the positions as an array of their own."""
+    """The checked load and radii, and the positions as a new array."""
     load, r = samples(load, "load", finite=True), samples(radii, "radii", finite=True)
     if np.any(r < 0.0):
         i = int(np.argmax(r < 0.0))

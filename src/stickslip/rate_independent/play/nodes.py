@@ -1,4 +1,5 @@
-"""The nodes of a play: where its bounds turn, have corners or jump, and where z starts to move.
+"""The nodes of a play: extrema, corners and jumps of its bounds, and times at which z starts to
+move.
 
 Between two nodes the bounds L and U are monotone, and z rests or follows one of them.
 """
@@ -137,7 +138,7 @@ def _refuse_negative(c: Array, signal: Panels, name: str, start: Array, end: Arr
 
 
 def _with_ends(panel: Array, x: Array, count: int) -> tuple[Array, Array]:
-    """Places inside panels together with both ends of each panel, in order, each once."""
+    """Places inside panels and both ends of each panel, sorted and distinct."""
     inner = np.flatnonzero(np.abs(x) < 1.0 - 8.0 * ch.EPS)
     inner = inner[np.lexsort((x[inner], panel[inner]))]
     repeated = (np.diff(panel[inner]) == 0) & (np.diff(x[inner]) <= 8.0 * ch.EPS)
@@ -148,7 +149,7 @@ def _with_ends(panel: Array, x: Array, count: int) -> tuple[Array, Array]:
 
 
 def _time(x: Array, panel: Array, start: Array, end: Array) -> Array:
-    """Times of places in panels; an end is that end to the last digit."""
+    """Times of places in panels; ends are exact."""
     return np.where(x == 1.0, end[panel], start[panel] + 0.5 * (x + 1.0) * (end - start)[panel])
 
 
@@ -283,7 +284,8 @@ def _joined(
 def _arrivals(
     panel: Array, x: Array, L: Array, U: Array, z: Array, mode: Array, noise: float
 ) -> tuple[Array, Array]:
-    """Intervals in which z rests until a bound arrives, and the place of that in the panel.
+    """Intervals in which z rests until a bound reaches it, and the place of this event in the
+    panel.
 
     Parameters
     ----------

@@ -165,7 +165,7 @@ def _bounds(
     stiffness: float,
     interpolation: str,
 ) -> PlayBounds:
-    """Load and thresholds as they were given, read.
+    """Read the given load and thresholds.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _revived(entry: Any) -> Any:
 
 
 def _stable(bounds: PlayBounds, edges: Array, z: float) -> float:
-    """The initial position, put onto the stable interval if it is outside by rounding."""
+    """The initial position, moved onto the stable interval if it is outside by rounding."""
     start = bounds.sample(edges[:1], 0.5 * (edges[:1] + edges[1:2]))
     low, high = float(start.low[0]), float(start.high[0])
     nearest = min(max(z, low), high)
@@ -417,7 +417,7 @@ class Play(Result):
 
     @cached_property
     def dataset(self) -> xarray.Dataset:
-        """All quantities at the nodes and on an even grid of times (right limits where something
+        """All quantities at the nodes and on an equidistant grid of times (right limits at
         jumps)."""
         import xarray as xr
 

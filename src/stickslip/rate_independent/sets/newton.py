@@ -116,8 +116,8 @@ class NormalSearch:
     def found(
         self, xi: Array, W: Array | None, others: Array, start: Array | None = None
     ) -> Normal | None:
-        """The nearest point of ξ, or the one on its ray, where R is smooth or has a kink; None if
-        it is not found to rounding.
+        """The nearest point of ξ, or the one on its ray, for smooth R or at a kink; None if it is
+        not found to rounding.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class NormalSearch:
     def _descended(
         self, xi: Array, W: Array | None, others: Array, start: Array | None
     ) -> tuple[Normal | None, Array]:
-        """The point, or where the descent came to a stop; 0 if it could not begin."""
+        """The minimum, or the last point of the descent; 0 if it could not start."""
         if start is None:
             start = xi if W is None else np.linalg.solve(W, xi)
         v = self._scaled(xi, W, start, others)
@@ -231,7 +231,7 @@ class NormalSearch:
         return best if least <= 100.0 * _EXACT * size else None
 
     def _near_kinks(self, v: Array, others: Array, within: float) -> list[int]:
-        """The kinks to which a direction is so close, the closest first."""
+        """The kinks close to a direction, the closest first."""
         size = float(np.abs(v).max())
         if not size > 0.0:
             return []
@@ -383,7 +383,7 @@ class NormalSearch:
         return out[:, 0], out[:, 1 : n + 1], out[:, n + 1 :].reshape(-1, n, n)
 
     def _derived(self, expressions: Sequence[ex.Expr]) -> Callable[[Sequence[float]], list[float]]:
-        """FormulaAt, gradients and second derivatives, one after the other."""
+        """Value, gradient and second derivatives, as expressions in sequence."""
         names = self.formula.names
         rows: list[ex.Expr] = []
         for e in expressions:

@@ -1,4 +1,4 @@
-"""Stable sets in the plane, for pictures."""
+"""Stable sets in the plane, for figures."""
 
 from __future__ import annotations
 

@@ -16,17 +16,17 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import COMPUTED_ZERO, LAST_DIGITS, ROUNDED_SUM, SYMMETRIC
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
-from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
-from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
-from stickslip.rate_independent.sets.stretches import (
+from stickslip.rate_independent.sets.phase_intervals import (
     NOWHERE_NEAR,
     AtPhases,
     Estimated,
     Fixed,
     Near,
     OneByOne,
-    Stretches,
+    PhaseIntervals,
 )
+from stickslip.rate_independent.sets.projections import nearest_by_support, slope_by_differences
+from stickslip.rate_independent.sets.stable_sets import ConvexSets, StableSets
 from stickslip.rate_independent.signals.signal import Signal, finite
 from stickslip.results import listed
 
@@ -292,7 +292,7 @@ class Dissipation(ABC):
         phase."""
         return not self.depends_on_phase
 
-    def over(self, low: Array, high: Array) -> Stretches[Any]:
+    def over(self, low: Array, high: Array) -> PhaseIntervals[Any]:
         """The potential on intervals of phases, shape (m,) each, within one period: 0 <= low <=
         high <= 1.
 
@@ -411,7 +411,8 @@ class Dissipation(ABC):
 
 @dataclass(frozen=True, eq=False)
 class OptimalMotion:
-    """A measure v(s) that attains the infimum of [M] (2.3): which phases do the moving.
+    """A measure v(s) that attains the infimum of [M] (2.3): the distribution of the motion over
+    phases.
 
     Attributes
     ----------
@@ -440,7 +441,7 @@ class OptimalMotion:
 
 
 class ClosedForm(NamedTuple):
-    """An average that is known by numbers.
+    """An average in closed form.
 
     Attributes
     ----------
@@ -476,12 +477,12 @@ class Average(Dissipation):
 
     @abstractmethod
     def optimal_motion(self, V: ArrayLike) -> OptimalMotion:
-        """The measure v(s) of [M] (2.3) that moves by V, shape (n,), at the least cost."""
+        """The measure v(s) of [M] (2.3) with the displacement V, shape (n,), of minimum cost."""
 
     @property
     @abstractmethod
     def samples(self) -> int:
-        """Number of phases that were looked at; 0 if all phases are covered by bounds."""
+        """Number of examined phases; 0 if all phases are covered by bounds."""
 
     @property
     def bounded(self) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 from stickslip.numerics.levels import EXACT_RANK, FEW_ROUNDINGS, LAST_DIGITS
-from stickslip.rate_independent.sets.stretches import lengths
+from stickslip.rate_independent.sets.phase_intervals import lengths
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.rate_independent.sets.phase_intervals import AtPhases
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
-from stickslip.rate_independent.sets.stretches import AtPhases
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation

@@ -202,7 +202,7 @@ def fit_pieces(
     most : int
         Most panels that are tried.
     growth : callable, optional
-        Starts and ends of stretches and radii -> bounds of how far the function can be from its
+        Starts and ends of intervals and radii -> bounds of how far the function can be from its
         value in the middle of each interval, on the disc of that radius in the complex plane.
 
     Returns
@@ -233,7 +233,7 @@ def fit_pieces(
         if not len(corners):
             if len(edges) > len(known):
                 edges = np.union1d(
-                    known, _sharpened(function, np.setdiff1d(edges, known), same, breaks, c)
+                    known, _refined_corners(function, np.setdiff1d(edges, known), same, breaks, c)
                 )
             break
         edges = np.union1d(edges, corners)
@@ -323,7 +323,7 @@ def _corners(breaks: Array) -> Array:
     return np.array([0.5 * (breaks[i] + breaks[i + 1]) for i in found])
 
 
-def _sharpened(
+def _refined_corners(
     function: Callable[[Array], Array], corners: Array, reach: float, breaks: Array, c: Array
 ) -> Array:
     """Corners refined: each is moved to the place where the function changes from the polynomial of

@@ -1,4 +1,4 @@
-"""Signals that are known everywhere: constants, and formulas."""
+"""Signals that can be bounded everywhere: constants and formulas."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Formulas(Signal):
         return values
 
     def least(self) -> Minima:
-        """By branch and bound, of equal formulas once."""
+        """Minima by branch and bound, once for equal formulas."""
         known: dict[Expr, tuple[float, float, float]] = {}
         for e in self.expressions:
             if e not in known:
@@ -165,8 +165,8 @@ def _growth(expression: Expr, name: str) -> ch.Growth:
 
 
 def _corners(expression: Expr, name: str, edges: Array) -> Array:
-    """The ends, and where the branches of the formula change: the zeros of its guards, the inner
-    ones first."""
+    """The ends, and the places at which branches of the formula change: the zeros of its guards,
+    the inner ones first."""
     for e in ex.walk([expression]):
         if e.op == "select" and e.args[0].symbols:
             edges = _distinct(np.concatenate([edges, _zeros(e.args[0], name, edges)]))
@@ -174,7 +174,7 @@ def _corners(expression: Expr, name: str, edges: Array) -> Array:
 
 
 def _zeros(expression: Expr, name: str, edges: Array) -> Array:
-    """Changes of sign between the first and the last edge, to the last digit."""
+    """Changes of sign between the first and the last edge, to machine precision."""
     guard = _of_array(expression)
     try:
         breaks, c, _ = ch.fit_pieces(
@@ -194,7 +194,8 @@ def _zeros(expression: Expr, name: str, edges: Array) -> Array:
 
 
 def _distinct(places: Array) -> Array:
-    """Sorted, without those that differ by rounding from the one before; the ends stay."""
+    """Sorted places, without those that differ by rounding from the previous one; the ends are
+    kept."""
     places = np.unique(places)
     apart = np.diff(places) > 8.0 * ch.EPS * np.max(np.abs(places))
     kept = places[np.concatenate([[True], apart])]

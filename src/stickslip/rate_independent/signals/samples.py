@@ -19,7 +19,7 @@ from stickslip.symbolic.boxes import Chord
 
 
 class LinearTable(Signal):
-    """A table, with straight lines between its rows.
+    """A table with linear interpolation.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class LinearTable(Signal):
 
     @property
     def span(self) -> tuple[float, float]:  # type: ignore[override]
-        """From the first to the last sample."""
+        """Span from the first to the last sample."""
         return float(self.times[0]), float(self.times[-1])
 
     @property
@@ -121,7 +121,7 @@ class LinearTable(Signal):
 
 
 class MonotoneTable(LinearTable):
-    """A table, with monotone cubics (PCHIP) between its rows."""
+    """A table with monotone cubic interpolation (PCHIP)."""
 
     @cached_property
     def _cubic(self) -> Any:
@@ -246,7 +246,7 @@ class MeasuredSignal(Signal):
 
 
 class SignalColumns(Signal):
-    """An array whose entries are signals of their own.
+    """An array whose entries are separate signals.
 
     Parameters
     ----------

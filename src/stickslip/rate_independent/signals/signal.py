@@ -15,7 +15,7 @@ from stickslip.numerics.levels import SAME_VALUE, SPAN_ENDS
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.symbolic.boxes import Chord
 
-NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
+NARROWEST_INTERVAL = 2.0**-50  # width of a phase interval at the level of rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
 
 
@@ -129,7 +129,7 @@ class Signal(ABC):
         return self.unwrapped(self.clock.wrapped(places))
 
     def unwrapped(self, places: Array) -> Array:
-        """The same without reduction of phases modulo 1, such as 1 at the end of a period."""
+        """Values without reduction of phases modulo 1, such as 1 at the end of a period."""
         rows = [self.value(u) for u in places.tolist()]
         return np.array(rows).reshape(len(places), *self.shape)
 

@@ -34,7 +34,7 @@ _MOVING, _CHANGED = range(2)
 
 
 class Face(NamedTuple):
-    """The components that move, kept from step to step.
+    """The moving components, kept from step to step.
 
     Attributes
     ----------

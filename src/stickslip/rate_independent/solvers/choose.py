@@ -31,7 +31,7 @@ class StepSolver(Protocol):
 
 
 def choose_solver(problem: Evolution, name: str | None, tolerance: float) -> StepSolver:
-    """The solver of that name, or the one that suits the problem.
+    """The solver of a given name, or a suitable one for the problem.
 
     Parameters
     ----------

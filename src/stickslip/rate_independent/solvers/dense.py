@@ -47,7 +47,7 @@ class BoxSteps:
 
 class ProjectionSteps:
     """Any other potential, by the projection of forces onto K(s) in the metric of A⁻¹, which is
-    made once.
+    computed once.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
 
 
 def _lowest_ritz_value(A: Any, steps: int = 30) -> float:
-    """Smallest eigenvalue that a short Lanczos process sees: an upper bound of the true one."""
+    """Smallest Ritz value of a short Lanczos process: an upper bound of the smallest eigenvalue."""
     from scipy.linalg import eigh_tridiagonal
 
     v = np.random.default_rng(0).standard_normal(A.shape[0])

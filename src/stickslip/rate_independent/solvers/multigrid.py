@@ -162,7 +162,7 @@ class Multigrid:
         return StepResult(d.ravel(), residual / scale, cycles, outcome)
 
     def _law(self, r: Any, lower: Any, upper: Any, radii: Any) -> Law:
-        """The arguments of a step, checked."""
+        """Check the arguments of a step."""
         nodes, m = self.hierarchy.levels[0].x.shape
         if radii is not None:
             upper = checked_vector(radii, "radii", nodes)
@@ -290,8 +290,8 @@ class Multigrid:
             yield rest, curvature
 
     def _correct(self, depth: int, law: Law, d: Array, b: Array, newton: Array) -> None:
-        """Add as much of a Newton step as lowers J, with or without a stop at the kinks, whichever
-        lowers it more.
+        """Add a Newton step, shortened until it decreases J, with or without a stop at the kinks,
+        whichever decreases J more.
 
         Parameters
         ----------
@@ -323,7 +323,7 @@ class Multigrid:
     def _line_search(
         self, depth: int, law: Law, d: Array, b: Array, p: Array
     ) -> tuple[float, float]:
-        """About J(d + t p) − J(d), and its t in [0, 1].
+        """Approximate minimum of J(d + t p) − J(d), and its t in [0, 1].
 
         Parameters
         ----------
@@ -392,7 +392,7 @@ def max_norm(v: Array) -> float:
 
 
 def checked_vector(given: Any, name: str, size: int) -> Array:
-    """An array of finite numbers of that size."""
+    """Check that an array has finite numbers and a given size."""
     if given is None:
         raise DeclarationError(name, "the value is missing", f"Give {size} numbers")
     # compiled functions take no array that they could not write to

@@ -345,8 +345,7 @@ def defect(H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, out: Matrix) -> 
 
 @entry_point()
 def project(d: Matrix, p: Matrix) -> int:
-    """Stop at rest the nodes that the correction p would carry through the kink; returns how
-    many."""
+    """Stop the nodes that the correction p would move through the kink; returns their number."""
     stopped = 0
     for i in range(len(d)):
         ahead = 0.0

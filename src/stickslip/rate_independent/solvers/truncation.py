@@ -191,7 +191,7 @@ def galerkin(
 
 @compiled()
 def mark(dirty: BoolVector, P: NodeRows, coarse: BoolVector) -> None:
-    """Tell the coarse nodes with which dirty ones are interpolated."""
+    """Mark the coarse nodes from which dirty ones are interpolated."""
     for row in range(len(coarse)):
         coarse[row] = False
     for i in range(len(dirty)):
@@ -204,7 +204,7 @@ def mark(dirty: BoolVector, P: NodeRows, coarse: BoolVector) -> None:
 def add_products(
     H: BlockRows, i: int, weight: float, P: NodeRows, place: IntVector, coarse: BlockRows
 ) -> None:
-    """Add weight times row i of H P to a coarse row whose columns stand at `place`.
+    """Add weight times row i of H P to a coarse row whose columns are at `place`.
 
     Parameters
     ----------

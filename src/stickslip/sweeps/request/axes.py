@@ -404,7 +404,7 @@ class Grid:
         )
 
     def columns(self, region: tuple[slice, ...], inside: Array) -> dict[str, Array]:
-        """Values of everything that varies, at chosen points of a region.
+        """Values of all varying names, at chosen points of a region.
 
         Parameters
         ----------
@@ -426,8 +426,7 @@ _PARTS = 64  # chunks that a map of medium size is divided into
 
 
 def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
-    """The grid of some axes; its chunks are as even in all directions as they can be, and each is
-    of one record.
+    """The grid of some axes; its chunks are nearly cubic, and each belongs to one record.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def _component(problem: Problem, of: str) -> int:
 
 
 def _contact(problem: Problem, of: str) -> list[int]:
-    """Numbers of a contact: of one in a plane of both components, which slip together."""
+    """Numbers of a contact: those of both components for a planar contact, which slip together."""
     numbers = problem.compiled.equations.numbers
     return [numbers[part] for part in problem.system.rubbing.get(of, (of,))]
 
@@ -129,8 +129,8 @@ def _duration(problem: Problem, o: Observed, of: str) -> Array:
 
 @dataclass(frozen=True)
 class Named:
-    """A measure: its rule, whether steps have to be followed again for it, and its rule for the
-    motion of a period, which of formulas is the only one."""
+    """A measure: its rule, whether it needs more than the knots, and its rule for the motion of a
+    period, which is the only one for formulas."""
 
     said: Measurable
     rule: Rule | None
@@ -318,8 +318,8 @@ def measured_again(
 
 
 def _again(problem: Problem, measure: str) -> PeriodRule | None:
-    """The rule of a measure that needs the motion of the period itself, as all of formulas do. Of
-    contacts that are one, only all that they dissipate is known without."""
+    """The rule of a measure that needs the motion of the period, as all measures of formulas do.
+    For contacts that slip as one, only their total dissipation is known without it."""
     name, _, of = measure.partition(":")
     members = problem.compiled.equations.members
     if name == "energy_per_cycle" and any(
@@ -358,7 +358,7 @@ def measures_of(data: xarray.Dataset) -> list[str]:
 
 
 def how_carried(data: xarray.Dataset) -> str:
-    """Along which axis of a map the state was carried, and in which direction."""
+    """Axis of a map along which the state was carried, and the direction."""
     return str(data.attrs.get("stickslip_carry", ""))
 
 

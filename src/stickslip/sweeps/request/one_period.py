@@ -36,13 +36,13 @@ def harmonic(motion: Trajectory, of: str) -> float:
 
 
 def phase(motion: Trajectory, of: str) -> float:
-    """Its phase, as of cos(ωt + phase)."""
+    """Phase of the first harmonic, as in cos(ωt + phase)."""
     found = _first(motion, of)
     return float(np.angle(found)) if found else np.nan
 
 
 def phase_to_drive(motion: Trajectory, of: str) -> float:
-    """The same relative to the drive, in (−3π/2, π/2]."""
+    """Phase relative to the drive, in (−3π/2, π/2]."""
     system, values = motion.system, motion.parameters
     turn = _turn(motion)
     own, found = phase(motion, of), np.nan
@@ -71,7 +71,7 @@ def crest(motion: Trajectory, of: str) -> float:
 
 
 def low(motion: Trajectory, of: str) -> float:
-    """The least value of a formula."""
+    """The smallest value of a formula."""
     return _ends(motion, of)[0]
 
 
@@ -87,12 +87,12 @@ def amplitude(motion: Trajectory, of: str) -> float:
 
 
 def state(motion: Trajectory, of: str) -> float:
-    """Its value where the motion begins."""
+    """Value at the start of the motion."""
     return _at_ends(motion, of)[0]
 
 
 def shift(motion: Trajectory, of: str) -> float:
-    """By how much it has changed in the end."""
+    """Change from the start to the end of the motion."""
     first, last = _at_ends(motion, of)
     return last - first
 

@@ -171,7 +171,7 @@ class Plan:
         return None
 
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
-        """Dimension, values and attributes of everything that varies."""
+        """Dimension, values and attributes of all varying names."""
         return {
             name: (
                 axis.dimension,

@@ -194,7 +194,7 @@ class Records(Mapping[str, Mapping[str, Samples]]):
         return np.array([[int(digest[:13], 16) / 16.0**13 for digest in self.digests]])
 
     def _check(self) -> None:
-        """Reject records that are not alike, or the same."""
+        """Reject records of different kinds, and duplicates."""
         names = list(self)
         first = self.drives
         for name, parts in self._records.items():

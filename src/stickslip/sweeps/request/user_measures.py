@@ -69,8 +69,7 @@ class FormulaMeasure:
         return f"{self.name} = {self.text}"
 
     def values(self, known: Mapping[str, Array | float], count: int) -> tuple[Array, Array]:
-        """The formula at a number of points, and why it is missing: NaN where it is undefined or
-        infinite."""
+        """Values of the formula, NaN if undefined or infinite, with the reasons."""
         names = sorted(self.expression.symbols)
         table = np.empty((len(names), count))
         for row, name in zip(table, names, strict=True):
@@ -103,7 +102,7 @@ class FunctionMeasure:
         return f"{self.name}(trajectory) [{self.digest}]"
 
     def value(self, trajectory: Trajectory) -> tuple[float, int]:
-        """The value at one point, and why it is missing."""
+        """The value at one point, and the reason if it is missing."""
         if not trajectory.outcome.ok:
             return math.nan, REASONS.index("motion_incomplete")
         function = self.function or _from_file(self.path, self.name, self.digest)
@@ -180,7 +179,7 @@ def argument_of(measure: Measure) -> Any:
 
 
 def variable(measure: Measure) -> str:
-    """Name of the variable that holds it."""
+    """Name of the variable of a measure."""
     return measure if isinstance(measure, str) else measure.name
 
 

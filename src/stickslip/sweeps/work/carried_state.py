@@ -154,7 +154,7 @@ def resumed_state(
 
 
 def period_of_drives(system: System, parameters: Mapping[str, float]) -> float:
-    """Period of the drives; 0 if none of them repeats."""
+    """Period of the drives; 0 if none is periodic."""
     equations = derive(system.declaration)
     if not equations.timed:
         return 0.0

@@ -1,4 +1,4 @@
-"""Lines of points that carry the state: which of them can be computed now, and how."""
+"""Lines of points that carry the state: the points that can be computed next, and their starts."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Runs:
 
 
 class LinesToDo:
-    """Chunks with points that are missing, in the order in which lines go through them; of chunks
-    that wait for each other one is handed out.
+    """Chunks with missing points, in the order of the lines; of mutually dependent chunks, one is
+    issued at a time.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class LinesToDo:
         self._waiting.append(self._out.pop(chunk))
 
     def _columns(self) -> Iterator[list[Chunk]]:
-        """Chunks that lines go through one after the other."""
+        """Successive chunks of lines."""
         grid = self.grid
         counts = [range(-(-n // c)) for n, c in zip(grid.shape, grid.chunk, strict=True)]
         for fixed in product(*(counts[k] for k in self._others)):

@@ -120,8 +120,8 @@ def measure_chunk(
 def _over_the_span(
     problem: Problem, table: Array, states: Array, settings: Settings, time_limit: float | None
 ) -> Observed:
-    """Motions from the start to the end of the declared span, under drives that are known for a
-    time only.
+    """Motions from the start to the end of the declared span, for drives that are defined for a
+    limited time.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """The compiled loops of maps on a GPU, one motion per thread.
 
-What a motion has come to stays on the GPU until all are done.
+Results of motions remain on the GPU until all are done.
 """
 
 from __future__ import annotations
@@ -111,8 +111,7 @@ def _emulated() -> Device:
 
 
 def lanes_on_device(problem: Problem, settings: Settings) -> int:
-    """Motions worked on together: as many as memory lets, which does not matter to where they
-    end."""
+    """Number of motions computed together, limited by memory; the results do not depend on it."""
     table = np.array([list(problem.parameters.values())])
     states = np.zeros((1, int(problem.rows.sizes[DIMENSION])))
     block = Block(problem, table, states, settings, False)
@@ -128,7 +127,7 @@ def thread_space(problem: Problem) -> ThreadSpace:
 
 
 class Memory:
-    """Arrays on a device, as long as this is there."""
+    """Arrays on a device, which are freed with this object."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -206,7 +205,7 @@ class OnDevice:
         )
 
     def ask(self) -> None:
-        """Bring where the motions are that wait for a proof, with their closed forms, to the
+        """Copy the states of motions that wait for a proof, with their closed forms, to the
         host."""
         self._fetch(self.block.lanes.forms, self.engine.forms)
         self._fetch(self.block.marks.frame, self.marks.frame)
@@ -222,7 +221,7 @@ class OnDevice:
         self._fetch(self.block.found, self.found)
 
     def remember(self) -> None:
-        """Bring the marks of all motions to the host."""
+        """Copy the marks of all motions to the host."""
         here, there = self.block.marks, self.marks
         for name in ("time", "state", "kind"):
             self._fetch(getattr(here, name), getattr(there, name))
@@ -248,7 +247,7 @@ class OnDevice:
 
 
 def words_of(entry: Entry, given: tuple[Any, ...]) -> Array:
-    """All arguments of an entry but the last, as words."""
+    """All arguments of an entry except the last, as words."""
     found = by_python(TupleType(tuple, entry_types(entry)[0][:-1]), given)
     assert found is not None
     return np.array(found, np.int64)

@@ -123,12 +123,12 @@ def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) 
     """
     if runs is not None:
         return _along(work, columns, runs)
-    found = _side_by_side(work, columns)
+    found = _independent_points(work, columns)
     return {name: found[name] for name in _stored(work)}
 
 
 def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Array]:
-    """Points one after the other, each from where the one before has come to."""
+    """Compute points sequentially, each from the final state of the previous one."""
     from stickslip.sweeps.work.carried_state import CarriedState, resumed_state
     from stickslip.sweeps.work.carrying import passed_on, stored_of
 
@@ -142,7 +142,7 @@ def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Ar
         own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
         own = {**system.values, **own}
         begun = None if handed is None else resumed_state(system, handed, own)
-        found[i] = _side_by_side(work, here, begun)
+        found[i] = _independent_points(work, here, begun)
         given = CarriedState(own, begun[0], handed.state) if begun and handed else None
         handed = left[i] = passed_on(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
@@ -156,12 +156,12 @@ def _stored(work: Work) -> list[str]:
     return [*map(variable, measures), *(f"{name}_missing" for name in own), *OWN]
 
 
-def _side_by_side(
+def _independent_points(
     work: Work,
     columns: Mapping[str, Array],
     begun: tuple[float, Array] | None = None,
 ) -> dict[str, Array]:
-    """Points by themselves; with `begun`, one that begins at that time in that state."""
+    """Compute independent points; with `begun`, a single one that starts at that time and state."""
     from stickslip.sweeps.work.chunk import measure_chunk
 
     system, measures = _prepared(work)
@@ -220,7 +220,7 @@ def _by_function(
     work: Work,
     start: float,
 ) -> tuple[Array, Array]:
-    """A function of the whole motion, point by point, and why it is missing.
+    """A function of the complete motion, point by point, with the reasons for missing values.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ class Pool:
 
     @property
     def width(self) -> int:
-        """Workers that work side by side now."""
+        """Number of workers available now."""
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[[_T], _R], task: _T) -> tuple[Future[_R | None], Executor]:
@@ -198,8 +198,8 @@ _flags: dict[str, Array] = {}
 
 
 def _begin(key: str, shared: Any) -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that writes decides, and raises the
-    flag."""
+    """Ignore Ctrl-C in a worker process: it reaches all processes of a terminal, and the main
+    process sets the flag."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _flags[key] = np.frombuffer(shared, np.int64)
 
@@ -213,7 +213,7 @@ def _raise_flag(key: str) -> None:
 
 
 def _attempt(function: Callable[[_T], _R], task: _T, flag: Array) -> _R | None:
-    """The result of a task; None if it was given up."""
+    """The result of a task; None if it was stopped."""
     try:
         with watching(interrupt=flag):
             return function(task)
@@ -243,7 +243,7 @@ def _client(address: str) -> Any:
 
 @contextlib.contextmanager
 def local_cluster(workers: int | None) -> Iterator[str]:
-    """The address of a cluster on this machine, for the time of a block."""
+    """The address of a cluster on this machine, within a block."""
     from multiprocessing.resource_tracker import ensure_running
 
     try:

@@ -123,7 +123,7 @@ def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None
 
 @compiled()
 def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) -> None:
-    """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
+    """Many equal steps with one Jacobian: powers of the flow of one step, by squaring.
 
     Parameters
     ----------
@@ -195,8 +195,8 @@ def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> No
 
 @compiled()
 def eliminate(system: Array, size: int, width: int) -> None:
-    """Solve linear equations, whose right sides are the columns from the first `size` up to a
-    width; their solutions take the place of these."""
+    """Solve linear equations, whose right-hand sides are the columns from `size` up to a width;
+    they are overwritten by the solutions."""
     for c in range(size):
         best, largest = c, abs(system[c, c])
         for r in range(c + 1, size):

@@ -132,7 +132,7 @@ def put_moments(z: complex, work: PassSpace, b: int) -> None:
 
 @compiled(brief=True)
 def put_load(values: Array, t: float, h: float, states: int) -> None:
-    """Enter the state 0 at the nodes of a part into the table of values."""
+    """Write the state 0 at the nodes of a part into the table of values."""
     for g in range(STAGES):
         values[0, g] = t + NODES[g] * h
         for r in range(states):
@@ -249,8 +249,8 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, until: int, pa
 
 @compiled(brief=True)
 def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> None:
-    """Put L A_p V, of the real and of the imaginary part of V, into the spectra, unless A_p is the
-    one that it was.
+    """Store L A_p V, of the real and of the imaginary part of V, in the spectra, unless A_p is
+    unchanged.
 
     Parameters
     ----------

@@ -71,8 +71,8 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
 
 @compiled(brief=True)
 def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> None:
-    """Find the largest modulus of an eigenvalue of a steady piece, unless its Jacobian is the one
-    it was.
+    """Compute the largest modulus of an eigenvalue of a steady piece, unless its Jacobian is
+    unchanged.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def nodes_of(listed: Listed, run: Pass, i: int) -> int:
 
 @compiled()
 def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
-    """The step that each of the nodes belongs to, and its time."""
+    """The step of each node, and its time."""
     place = 0
     for i in range(len(run.piece) - 1):
         begin = time_of(run, i)

@@ -40,7 +40,7 @@ BEGINS, ENDS, MEETING, MET = range(4)
 
 
 class Spectra(NamedTuple):
-    """Jacobians of pieces, where they are the same at all states, by their eigenvalues.
+    """Constant Jacobians of pieces, by their eigenvalues.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Spectra(NamedTuple):
 
 
 def make_spectra(pieces: int, n: int, free: int) -> Spectra:
-    """Room for the eigenvalues of some pieces with n states and some free parameters."""
+    """Space for the eigenvalues of some pieces with n states and some free parameters."""
     return Spectra(
         np.zeros(pieces, np.int64),
         np.zeros(pieces),
@@ -306,7 +306,7 @@ def time_of(run: Pass, knot: int) -> float:
 
 @compiled()
 def put_point(values: Array, k: int, t: float, y: Array) -> None:
-    """Enter a point into the table of values."""
+    """Write a point into the table of values."""
     values[0, k] = t
     for r in range(len(y)):
         values[1 + r, k] = y[r]

@@ -46,7 +46,7 @@ from stickslip.translator import compiled
 
 @compiled()
 def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
-    """The variation after the step from knot i, from that at its beginning.
+    """The variation after the step from knot i, from that at its start.
 
     Parameters
     ----------

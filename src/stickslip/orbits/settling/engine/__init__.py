@@ -1,1 +1,2 @@
-"""Compiled: marks and returns, polishing, and one period measured."""
+"""Compiled code: marks and returns of motions, extrapolation to cycles, and measures of one
+period."""

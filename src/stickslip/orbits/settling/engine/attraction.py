@@ -64,9 +64,9 @@ from stickslip.orbits.settling.engine.lanes import (
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
 from stickslip.orbits.settling.engine.returns import (
-    bring_home,
     largest_component,
     norm,
+    remove_cells,
     remove_part,
     remove_shift,
 )
@@ -146,7 +146,7 @@ class Claims(NamedTuple):
 def prove_all(
     e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, c: Claims
 ) -> None:
-    """See whether motions that were carried on by hand come to their cycles by themselves.
+    """Prove that extrapolated motions converge to their cycles.
 
     Parameters
     ----------
@@ -204,8 +204,8 @@ def prove_lane(
 
 @compiled()
 def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> float:
-    """Put a station in the middle of the longest flight of a cycle, where no event is near: how
-    long after its beginning that is, NaN if the cycle is too long."""
+    """Place a station in the middle of the longest flight of a cycle, far from events; returns its
+    time from the start of the cycle, NaN if the cycle is too long."""
     s = e.lanes
     record = bench.record
     start = m.real[i, START]
@@ -232,8 +232,8 @@ def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, 
 
 @compiled()
 def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> int:
-    """Follow a lane for a period of its cycle; the word of the modes that it goes through, −1 if it
-    comes to an end."""
+    """Follow a lane for a period of its cycle; returns its mode sequence as a number, −1 if the
+    motion ends."""
     s = e.lanes
     s.counters[i, WORD] = EMPTY_WORD
     end = s.clock[i, NOW] + m.real[i, DURATION]
@@ -253,7 +253,7 @@ def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Arr
     since = lanes.clock[i, NOW] - station.clock[i, NOW]
     for r in range(len(out)):
         out[r] = lanes.y[i, r] - station.y[i, r] - m.frame[i, r] * since
-    bring_home(out, m, rules, i)
+    remove_cells(out, m, rules, i)
     put_into_units(out, m.size[i])
 
 
@@ -275,8 +275,8 @@ def number_of(c: Claims, mode: Array, region: Array) -> int:
 def differentiate(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, count: int
 ) -> bool:
-    """The monodromy matrix along the recorded cycle, in units of the sizes of the components, is
-    left as the first of `after`; False if the motion has no derivative.
+    """Compute the monodromy matrix along the recorded cycle, in units of the sizes of the
+    components, into the first entry of `after`; False if the motion has no derivative.
 
     Parameters
     ----------
@@ -375,7 +375,7 @@ def put_into_claims(m: Marks, rules: Rules, c: Claims, run: Pass, i: int) -> boo
 
 @compiled()
 def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) -> int:
-    """The first variation once around, from that at the first knot.
+    """The first variation over one period, from that at the first knot.
 
     Parameters
     ----------
@@ -425,7 +425,7 @@ def nearly_equal(A: Array, B: Array) -> bool:
 
 @compiled()
 def put_into_units(v: Array, size: Array) -> None:
-    """Components relative to their sizes; those that never were anything do not count."""
+    """Components relative to their sizes; components of size zero are ignored."""
     for r in range(len(v)):
         v[r] = v[r] / size[r] if size[r] > 0.0 else 0.0
 

@@ -11,7 +11,7 @@ from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
 from stickslip.orbits.settling.engine.lanes import copy_lane, own_flow
 from stickslip.orbits.settling.engine.leaping import CARRIED_ON, GO_ON, consider
-from stickslip.orbits.settling.engine.returns import begin_again, bring_home, remember
+from stickslip.orbits.settling.engine.returns import begin_again, remember, remove_cells
 from stickslip.orbits.settling.engine.tables import (
     COUNT,
     EVENTLESS,
@@ -30,7 +30,7 @@ _MISSES = 1e-6  # of a height: how far the end of a Taylor step may be off; else
 
 @compiled()
 def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
-    """Lay a plane through the present state across the motion, whose rates are in the work
+    """Define a plane through the present state, normal to the motion, whose rates are in the work
     space.
 
     Parameters
@@ -53,7 +53,7 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
 
 @compiled()
 def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> float:
-    """On which side of the plane a state is, and how far.
+    """Signed distance of a state from the plane.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> f
     """
     for r in range(len(y)):
         work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
-    bring_home(work, m, rules, i)
+    remove_cells(work, m, rules, i)
     total = 0.0
     for r in range(len(y)):
         total += m.plane[i, 1, r] * work[r]
@@ -155,7 +155,7 @@ def starts_in_plane(m: Marks, i: int, t: float) -> bool:
 def put_at(
     lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array
 ) -> None:
-    """Put a lane at a point within a step.
+    """Set a lane to a point within a step.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The frame in which a system under loads Vt does not depend on time, but for its drives."""
+"""The frame in which a system under loads Vt does not depend on time, except for its drives."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def own_flow(e: Engine, i: int) -> Flow:
 def follow_lane(
     e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record
 ) -> int:
-    """The event loop for one lane; its code stays behind. Returns the number of recorded steps.
+    """Run the event loop for one lane, and store its code. Returns the number of recorded steps.
 
     Parameters
     ----------

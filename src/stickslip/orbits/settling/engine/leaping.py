@@ -17,16 +17,16 @@ from stickslip.orbits.settling.engine.returns import (
     MOST_RETURNS,
     RETURN_PATIENCE,
     begin_again,
-    bring_home,
+    compare_with_lag,
     distance,
+    equal_sequences,
     extrapolate,
     has_settled,
-    look_back,
-    look_wide,
     miss,
     recurrence_order,
+    remove_cells,
+    shorten_lag,
     shortest_lag,
-    words_alike,
 )
 from stickslip.orbits.settling.engine.tables import (
     ASK,
@@ -89,7 +89,7 @@ def consider(
     """
     numbers = m.numbers[i]
     before = m.numbers[i, LAG]
-    d = look_back(m, rules, i, work[0])
+    d = compare_with_lag(m, rules, i, work[0])
     lag, leapt = numbers[LAG], numbers[LEAPT]
     if leapt != 0:
         if lag != before:
@@ -107,7 +107,7 @@ def consider(
     if not whole and numbers[SAME] > max(lag, numbers[WARY]):
         begin_strides(m, i)
     elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
-        look_wide(m, rules, i, work[0])
+        shorten_lag(m, rules, i, work[0])
     elif whole and rules.leaping and numbers[COUNT] >= numbers[REST]:
         k = recurrence_order(m, rules, i, work, fit)
         if k > 0:
@@ -130,7 +130,7 @@ def fails_to_return(m: Marks, rules: Rules, i: int, t: float) -> bool:
 
 @compiled()
 def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
-    """Keep where the motion itself is, before it is carried on by hand.
+    """Save the state of the motion before its extrapolation.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ def leap(
     d: float,
     k: int,
 ) -> int:
-    """Carry a motion on to where its returns lead, a recurrence of order k, unless that is far
-    away.
+    """Extrapolate a motion to the limit of its returns, by a recurrence of order k, unless the
+    limit is far away.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def leap(
 
 @compiled()
 def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
-    """Carry a motion on by a step, at its last mark.
+    """Add an extrapolation step to the state at the last mark.
 
     Parameters
     ----------
@@ -210,8 +210,8 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
 
 
 @compiled()
-def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
-    """Put a motion back to where it was at a mark, which is the last one again.
+def restore_mark(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
+    """Reset a motion to its state at a mark, which becomes the last one.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def reset_motion(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     # Later and later, so that where no leap is right few are tried.
     patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
     numbers[REST] = numbers[HOME] + patience
-    return put_back(m, lanes, saved, i, m.home, numbers[HOME])
+    return restore_mark(m, lanes, saved, i, m.home, numbers[HOME])
 
 
 # -- down to rounding ------------------------------------------------------------------------------
@@ -277,10 +277,10 @@ def polish(
     ring = m.time.shape[1]
     if (numbers[COUNT] - numbers[HOME]) % lag != 0 or numbers[TRUE] < lag:
         return GO_ON
-    if real[REACH] > 0.0 and words_alike(m, i, lag, lag) < lag:
+    if real[REACH] > 0.0 and equal_sequences(m, i, lag, lag) < lag:
         return reset_motion(m, lanes, saved, i)
     if numbers[TRUE] == lag and numbers[LEAPT] > 1 and d > 0.5 * real[MISS]:
-        put_back(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
+        restore_mark(m, lanes, saved, i, m.before, numbers[COUNT] - lag)
         numbers[LEAPT] = 1
         return accept(m, rules, lanes, saved, work[0], i, real[MISS])
     real[MISS] = d
@@ -327,7 +327,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
             - m.home.y[i, r]
             - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
         )
-    bring_home(work, m, rules, i)
+    remove_cells(work, m, rules, i)
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
     afar = real[REACH] > 0.0
     if not d <= (rules.real[3] if afar else rules.real[5]) or not (afar or here):

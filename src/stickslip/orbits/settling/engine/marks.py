@@ -45,7 +45,7 @@ def next_mark(m: Marks, rules: Rules, i: int) -> float:
 
 @compiled()
 def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
-    """The time, where the clock has not been set back."""
+    """The time without resets of the clock."""
     set_back = (
         (m.numbers[i, COUNT] - 1) * m.drive[i] if m.drive[i] > 0.0 and not rules.timed else 0.0
     )
@@ -70,8 +70,8 @@ def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
 
 @compiled()
 def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
-    """The next mark of a driven motion (or a look between its first ones); the next look at any
-    other."""
+    """The next mark of a driven motion (or a test between its first ones); the next test of any
+    other motion."""
     start = rules.real[0]
     look = rules.real[2]
     drive = m.drive[i]
@@ -93,7 +93,7 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
 
 @compiled()
 def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
-    """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the
+    """The largest number of drive periods of a cycle, or the duration since the oldest mark of the
     same kind."""
     count = m.numbers[i, COUNT]
     ring = m.time.shape[1]
@@ -111,7 +111,7 @@ def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
 def put_mark(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array
 ) -> bool:
-    """Put a mark, where there is one: at the end of a period of the drive, or at an event.
+    """Add a mark, if there is one: at the end of a period of the drive, or at an event.
 
     Parameters
     ----------

@@ -45,11 +45,11 @@ from stickslip.orbits.settling.engine.lanes import (
 from stickslip.orbits.settling.engine.marks import elapsed
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
-    bring_home,
     distinct_above,
     gap,
     grow,
     miss,
+    remove_cells,
 )
 from stickslip.orbits.settling.engine.settling import claim_rest, settle_lane
 from stickslip.orbits.settling.engine.tables import (
@@ -176,7 +176,7 @@ def measure(
     if m.outcome[i] == PERIODIC:
         for r in range(len(bench.gaps)):
             bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
-        bring_home(bench.gaps, m, rules, i)
+        remove_cells(bench.gaps, m, rules, i)
         audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
 
@@ -192,11 +192,12 @@ def framed(m: Marks, i: int) -> bool:
 
 @compiled()
 def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
-    """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch
-    now and then has that of a swing, not that from touch to touch.
+    """Test fractions of the period: cos² has half the period of cos, and the period of an
+    oscillation that touches a switch occasionally is that of the oscillation, not that between
+    touches.
 
-    After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it
-    was all the way.
+    After a fraction of the period the state usually differs; if not, it must agree over the whole
+    period.
 
     Parameters
     ----------
@@ -274,8 +275,8 @@ def likely_part(
 def return_after(
     e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, later: float, first: bool
 ) -> float:
-    """Follow a lane until some time after its start; by how much it misses the first mark, which is
-    put here if it is the first."""
+    """Follow a lane for some time after its start; returns its distance from the first mark, which
+    is set here if it is missing."""
     s = e.lanes
     start = m.real[i, START]
     follow_lane(e, i, start + later, rules.most[1], UNRECORDED, bench.record)
@@ -306,7 +307,7 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
     ends = bench.ends
     for r in range(len(y)):
         v[r] = y[r] - m.frame[i, r] * (t - start)
-    bring_home(v, m, rules, i)
+    remove_cells(v, m, rules, i)
     for r in range(len(y)):
         ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
 
@@ -342,7 +343,7 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
 
 @compiled()
 def knots_of(record: Record, first: int, last: int) -> Record:
-    """Knots of a record, as another one."""
+    """A part of a record."""
     return Record(
         record.time[first:last],
         record.state[first:last],
@@ -409,7 +410,7 @@ def add_steps(
 
 @compiled()
 def fill(part: Array, value: float) -> None:
-    """Give all entries of a vector a value."""
+    """Set all entries of a vector."""
     for i in range(len(part)):
         part[i] = value
 
@@ -463,7 +464,7 @@ def difference(felt: Array) -> float:
 
 @compiled()
 def begin(tally: Tally) -> None:
-    """Nothing is added up yet."""
+    """Reset all sums."""
     for part in range(len(tally.state)):
         fill(tally.state[part], 0.0)
     for c in range(len(tally.law)):
@@ -514,8 +515,8 @@ def discard_marks(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> N
 
 @compiled()
 def resettle(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
-    """Let a motion that came from afar settle again by the size of its cycle; False if that is
-    known already.
+    """Let a motion that started far from its cycle settle again, with the size of the cycle as
+    scale; False if this is already the scale.
 
     Parameters
     ----------
@@ -544,7 +545,7 @@ def resettle(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: 
 def measure_all(
     e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found
 ) -> None:
-    """Measure all lanes that have settled, as far as they come without the host.
+    """Measure all lanes that have settled, until they need the host.
 
     Parameters
     ----------

@@ -56,7 +56,8 @@ _WORTH = 24.0  # returns for which a motion rather waits than that its limit is 
 
 @compiled()
 def remove_shift(v: Array, shifts: Array) -> None:
-    """Take the parts along translations, which are orthogonal to each other, off a vector."""
+    """Subtract the components along translations, which are orthogonal to each other, from a
+    vector."""
     for j in range(len(shifts)):
         along, size = 0.0, 0.0
         for i in range(len(v)):
@@ -68,8 +69,8 @@ def remove_shift(v: Array, shifts: Array) -> None:
 
 
 @compiled()
-def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
-    """Take translations and whole cells off a difference of states, or off a state.
+def remove_cells(v: Array, m: Marks, rules: Rules, i: int) -> None:
+    """Subtract translations and whole cells from a difference of states, or from a state.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
     """
     for r in range(len(y)):
         out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
-    bring_home(out, m, rules, i)
+    remove_cells(out, m, rules, i)
 
 
 @compiled()
@@ -120,7 +121,7 @@ def miss(v: Array, size: Array, atol: float) -> float:
 
 @compiled()
 def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> None:
-    """Keep the largest modulus of every component, as long as the size of a cycle is not known.
+    """Update the largest modulus of every component, while the size of the cycle is unknown.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
         return
     for r in range(len(y)):
         work[r] = y[r] - m.frame[i, r] * (t - rules.real[0])
-    bring_home(work, m, rules, i)
+    remove_cells(work, m, rules, i)
     for r in range(len(y)):
         m.size[i, r] = max(m.size[i, r], abs(work[r]))
 
@@ -162,7 +163,7 @@ def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None
 
 @compiled()
 def begin_again(m: Marks, i: int, lag: int) -> None:
-    """Look at returns over a lag from now on."""
+    """Start the comparison of returns over a new lag."""
     m.numbers[i, LAG] = lag
     m.numbers[i, SAME] = 0
     m.numbers[i, STALLED] = 0
@@ -203,7 +204,7 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
 
 
 @compiled()
-def likeliest_lag(m: Marks, i: int, longest: int) -> int:
+def best_lag(m: Marks, i: int, longest: int) -> int:
     """The smallest lag for which the largest number of consecutive last marks has repeated its
     kinds; 0 if the last mark has not. (The smallest lag of the last mark alone fails if a kind
     occurs twice in a cycle.)"""
@@ -222,7 +223,7 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
 
 
 @compiled()
-def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
+def compare_with_lag(m: Marks, rules: Rules, i: int, work: Array) -> float:
     """Distance of the last mark from the mark a lag before it; the lag is updated if necessary.
     Infinite if there is no such mark."""
     numbers = m.numbers[i]
@@ -230,7 +231,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     ring = m.time.shape[1]
     longest = min(numbers[COUNT] - 1, rules.most[3])
     if not (0 < numbers[LAG] <= longest and same_kind(m, i, numbers[LAG])):
-        begin_again(m, i, likeliest_lag(m, i, longest))
+        begin_again(m, i, best_lag(m, i, longest))
     lag = numbers[LAG]
     if lag == 0:
         return np.inf
@@ -246,8 +247,9 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 
 @compiled()
-def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
-    """If returns have not shrunk for long, use the shortest one that is nearly as close as any."""
+def shorten_lag(m: Marks, rules: Rules, i: int, work: Array) -> None:
+    """If returns have not decreased for some time, use the shortest lag whose return is nearly the
+    closest."""
     numbers = m.numbers[i]
     best = np.inf
     lag = 0
@@ -343,7 +345,7 @@ def extrapolate(
 
 
 @compiled()
-def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
+def equal_sequences(m: Marks, i: int, lag: int, most: int) -> int:
     """Number of consecutive marks, up to a maximum, with the same mode sequence as the mark a lag
     before."""
     here = m.numbers[i, COUNT] - 1
@@ -378,7 +380,7 @@ def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) ->
     ring = m.time.shape[1]
     n = work.shape[1]
     known = min(m.numbers[i, TRUE] // lag, (ring - 1) // lag, len(work))
-    known = min(known, 1 + words_alike(m, i, lag, (known - 1) * lag) // lag)
+    known = min(known, 1 + equal_sequences(m, i, lag, (known - 1) * lag) // lag)
     if known < 3:
         return 0
     for j in range(known):
@@ -425,7 +427,7 @@ def largest_component(v: Array) -> float:
 
 @compiled()
 def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
-    """The recurrence of order k that returns obey, all but the last, by Givens rotations.
+    """Fit a recurrence of order k to all returns except the last, by Givens rotations.
 
     Parameters
     ----------
@@ -499,7 +501,7 @@ def norm(v: Array) -> float:
 
 @compiled()
 def remove_part(v: Array, unit: Array) -> float:
-    """Take the part along a unit vector off a vector; how large it was."""
+    """Subtract the component along a unit vector from a vector; returns its size."""
     part = 0.0
     for r in range(len(v)):
         part += unit[r] * v[r]
@@ -518,7 +520,7 @@ def distinct_above(m: Marks, i: int) -> float:
 
 @compiled()
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
-    """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
+    """The smallest divisor of the lag over which the last mark of a polished cycle also returns."""
     lag = m.numbers[i, LAG]
     limit = distinct_above(m, i)
     p = 2

@@ -90,7 +90,7 @@ _FADED = 100.0  # tolerances that an oscillation may still be away from an equil
 
 @entry_point()
 def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench) -> None:
-    """Follow all lanes until they have settled, as far as they come without the host."""
+    """Follow all lanes until they have settled, or need the host."""
     for i in range(len(e.codes)):
         if m.numbers[i, PHASE] == SETTLING:
             settle_lane(e, m, rules, saved, bench, i)
@@ -137,7 +137,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
             if put_mark(m, rules, s, saved, i, happened, bench.work[0]):
                 verdict = consider(m, rules, s, saved, bench.work, bench.fit, i)
             if verdict == GO_ON and not happened:
-                verdict = look_around(e, m, rules, saved, bench, i)
+                verdict = test_for_rest(e, m, rules, saved, bench, i)
         if verdict == SETTLED:
             if drive > 0.0 or m.outcome[i] != PERIODIC:
                 return
@@ -161,8 +161,8 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 
 
 @compiled()
-def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
-    """See whether a motion that has had no events for a while has come to an end, which the host
+def test_for_rest(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
+    """Test whether a motion without recent events has reached its final state, which the host then
     has to prove.
 
     Returns
@@ -204,8 +204,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
 
 @compiled()
 def claim_rest(e: Engine, m: Marks, mode: Array, i: int) -> None:
-    """Say of a lane in a mode, which is to be proved, that it has come to rest or slides
-    steadily."""
+    """Claim that a lane has come to rest or slides steadily, for proof by the host."""
     m.outcome[i] = AT_REST if stands(e.flow.rows, mode) else STEADY
 
 

@@ -259,7 +259,7 @@ class Bench(NamedTuple):
 def make_marks(
     drive: Array, limit: Array, cells: Array, ring: int, home: Lane, before: Lane
 ) -> Marks:
-    """Nothing remembered yet of lanes with these periods of their drives.
+    """Empty marks of lanes with given periods of their drives.
 
     Parameters
     ----------

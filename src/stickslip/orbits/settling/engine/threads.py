@@ -58,7 +58,7 @@ def advance_thread(e: Engine, w: Shared, a: int) -> None:
 
 @entry_point()
 def grow_thread(e: Engine, twin: Engine, w: Shared, a: int) -> None:
-    """The exponent of a lane and its twin: likewise."""
+    """The exponent of a lane and its twin, with the work space of the thread."""
     thread = row_of(w.threads, a)
     mine, other = in_thread_space(e, thread), in_thread_space(twin, thread)
     grow_lane(mine, other, w.marks, w.rules, w.saved, thread.bench, w.found, a)

@@ -18,7 +18,7 @@ from stickslip.rate_independent.dissipation import (
     WeightedL1,
 )
 from stickslip.rate_independent.dissipation.parabolas import CELLS, Parabolas
-from stickslip.rate_independent.sets.stretches import RowWise
+from stickslip.rate_independent.sets.phase_intervals import RowWise
 from stickslip.rate_independent.signals.formulas import Formulas
 from stickslip.rate_independent.signals.reading import read_phase
 

@@ -20,7 +20,7 @@ Index = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class RowWise:
-    """A dataclass of arrays, or of other rows, that have one row for each phase or stretch."""
+    """A dataclass of arrays, or of other rows, that have one row for each phase or interval."""
 
     def taken(self, index: Index) -> Self:
         """Some of the rows."""
@@ -77,7 +77,7 @@ class AtPhases(ABC):
 S = TypeVar("S", bound=AtPhases)
 
 
-class Stretches(ABC, Generic[S]):
+class PhaseIntervals(ABC, Generic[S]):
     """A dissipation potential on m phase intervals: bounds that hold at every phase of an interval.
 
     Attributes
@@ -117,7 +117,7 @@ class Stretches(ABC, Generic[S]):
 
 
 class Near(NamedTuple):
-    """Stretches of phases on which a force is proved to lie outside K(s) by no more than a bound;
+    """Phase intervals on which a force is proved to lie outside K(s) by no more than a bound;
     all of shape (k,)."""
 
     low: Array
@@ -158,7 +158,7 @@ class OneByOne(RowWise, AtPhases):
 
 
 @dataclass(frozen=True, eq=False)
-class Estimated(RowWise, Stretches[OneByOne]):
+class Estimated(RowWise, PhaseIntervals[OneByOne]):
     """Phase intervals of a potential that can only be evaluated pointwise: estimates from their
     midpoints."""
 
@@ -177,9 +177,9 @@ class Estimated(RowWise, Stretches[OneByOne]):
 
 
 @dataclass(frozen=True, eq=False)
-class Fixed(RowWise, Stretches[OneByOne]):
-    """Stretches of a potential that does not depend on the phase: the distance from K of a force
-    that goes straight is convex."""
+class Fixed(RowWise, PhaseIntervals[OneByOne]):
+    """Phase intervals of a potential that does not depend on the phase: the distance of an affine
+    force from K is convex."""
 
     start: OneByOne
     end: OneByOne
