@@ -182,6 +182,7 @@ class Fit(Result):
             outside = np.any((drawn < low) | (drawn > high), axis=1)
             if not outside.any():
                 break
+            # Rejection sampling of the truncated distribution.
             fresh = rng.standard_normal((int(outside.sum()), len(root))) @ root.T
             drawn[outside] = self.values + fresh
         drawn = np.clip(drawn, low, high)

@@ -129,6 +129,7 @@ def correlation(problem: FitProblem, r: Array) -> float:
             own = r[offset : offset + len(c.rows)]
             offset += len(c.rows)
             own = own - np.mean(own)
+            # Lag-1 autocorrelation, pooled over columns, each without its mean.
             above += float(own[1:] @ own[:-1])
             below += float(own @ own)
     return above / below if below > 0.0 else 0.0

@@ -157,9 +157,11 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
     ends, ways = list[Array](), list[Array]()
     for x in sides:
         tangent, _ = direction(finder.chart, x, a.units, a.heading)
+        # Scaled to a unit component along the heading: both sides are compared at the same place.
         ways.append(tangent / (a.heading @ tangent))
         offset = (x - a.x) / a.units
         ends.append(offset + ways[-1] * (place - a.heading @ offset))
+    # |apart + s turn| is smallest at s = −apart·turn/|turn|².
     apart, turn = ends[1] - ends[0], ways[1] - ways[0]
     return float(np.linalg.norm(apart)), ratio(-float(apart @ turn), float(turn @ turn))
 

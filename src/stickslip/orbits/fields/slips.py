@@ -431,6 +431,7 @@ def _at_rest(equations: MotionEquations, piece: Piece, at: tuple[float, Array, A
         moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
         J = bounds[:, moving]
         felt = np.linalg.solve(mass_at(equations, piece, at), J.T)
+        # Impulses −M⁻¹Jᵀ(J M⁻¹ Jᵀ)⁺ restore J δu = 0; the pseudoinverse allows dependent contacts.
         P[moving] -= felt @ np.linalg.pinv(J @ felt, rcond=_DEPENDENT) @ bounds
     return P
 

@@ -172,6 +172,7 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     felt = _largest_slopes(motion, made, steps, p)
+    # Without the drift, which is no part of the size of the cycle.
     moving = states - np.outer((times - k.time[0]) / period, shift)
     sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)

@@ -78,6 +78,7 @@ class _Neighbourhood:
         named = ("t", *equations.declaration.parameters, *state)
         values = dict(zip(named, map(float, (self.t, *self.p, *self.y)), strict=True))
         forms = np.zeros((len(point.mode), len(state)))
+        # A contact that sticks keeps the displacement whose rate is its velocity.
         for c in np.flatnonzero(point.mode == 0):
             for x, weight in equations.contacts[c].direction.items():
                 forms[c, state.index(x)] = ex.evaluate(weight, values)
