@@ -46,10 +46,10 @@ _LOCATED = 1e-12  # a corner is located to this length …
 # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
 # more
 _TANGENT = 1e-8
-# a cycle so far before it can be certified: on the corner itself nothing has a derivative
+# a cycle this far before it can be certified: at the corner there are no derivatives
 _BESIDE = 1e-9
 _MOST = 400  # steps towards a corner
-# a station nearer to the end of its phase, as a part of it, says nothing about what comes back
+# a station nearer to the end of its phase, as a fraction of it, is no evidence of a return
 _EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
@@ -140,7 +140,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     try:
         if _happens(chart, point, beside, tangent):
             return None
-        # Around the corner itself, so that what begins to rest there is held where it is.
+        # Around the corner, so that contacts that begin to rest there keep their positions.
         there, y, towards = renewed(chart, x, tangent * chart.scale(x))
     except _FAILURES:
         return None

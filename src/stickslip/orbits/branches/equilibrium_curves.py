@@ -436,7 +436,7 @@ class _Curve:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
-        # Equations of one size: else what is rounded in large ones is added to small ones.
+        # Equations of one size: otherwise rounding errors of large ones are added to small ones.
         _, slopes = problem.residual(problem.start)
         sizes = np.max(np.abs(slopes * problem.units(problem.start)), axis=1)
         sizes[sizes == 0.0] = 1.0
@@ -486,7 +486,7 @@ def _special(places: list[_Place], index: int, test: Test) -> SpecialPoint:
     state = dict(zip(field.state, map(float, x[: curve.n]), strict=True))
     data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
     where = (state, curve.values(x), field.mode, field.region, index)
-    # A test function has no size of its own but what it is at the points beside.
+    # The size of a test function is that at the neighbouring points.
     beside = [places[i] for i in (index - 1, index + 1) if 0 <= i < len(places)]
     others = [abs(other.test(test)) for other in beside if other.curve is curve]
     here = abs(place.test(test))

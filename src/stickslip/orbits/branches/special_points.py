@@ -38,9 +38,9 @@ _TOGETHER = 1e-6  # changes that are nearer to each other are one
 _APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
-# how far beside a change derivatives are those of that side
+# distance from a change at which derivatives are those of that side
 _ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
-# slope of the parameter at a fold, which moves by the square of what is left
+# slope of the parameter at a fold; the error of the fold is of the order of its square
 _TURNS = 1e-8
 # how far around the place of a change the place is looked for where a contact begins to stick
 _AROUND = (1e-9, 1e-8, 1e-7, 1e-6)

@@ -94,7 +94,7 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
         step = _least_squares(matrix, right)
-        # A whole step more leaves rounding, which nothing can improve.
+        # After one more full step the residual is rounding error, which cannot be improved.
         last = bool(np.linalg.norm(orbit.F) <= _ROUNDED)
         better = _shortened(shooting, orbit, units, step, 1 if last else _HALVINGS)
         orbit = better or orbit

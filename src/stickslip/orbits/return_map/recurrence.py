@@ -355,7 +355,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
             found.append(
                 Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
             )
-    # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
+    # If a later return nearly closes, earlier ones are near approaches within the cycle.
     return [r for r in found if r.distance <= _CLOSER * max(found[-1].distance, _EXACT)]
 
 

@@ -115,6 +115,7 @@ def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tupl
     -------
     values, phases : ndarray of shape (k,)
     """
+    # The golden ratio: one of the two inner points is reused in every step.
     left = high - _GOLDEN * (high - low)
     right = low + _GOLDEN * (high - low)
     at_left, at_right = f(left), f(right)
@@ -154,7 +155,7 @@ def refined_maxima(
         with np.errstate(all="ignore"):
             p, q = (b - a) * (fb - fc), (b - c) * (fb - fa)
             new = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
-        # Every other time, or where a parabola says nothing new: the wider half.
+        # In every other step, or if the parabola gives no new point: the wider half.
         wide = np.where(b - a > c - b, b - (1.0 - _GOLDEN) * (b - a), b + (1.0 - _GOLDEN) * (c - b))
         new = np.where(
             (new > a) & (new < c) & (np.abs(new - b) > LAST_DIGITS) & (step % 2 == 0), new, wide

@@ -93,7 +93,7 @@ class Parabolas:
         width = np.maximum(high - phases, phases - low)
         size = width * np.sqrt(np.square(first).sum(axis=(1, 2)))
         size += 0.5 * width**2 * (np.sqrt(np.square(second).sum(axis=(2, 3))) + radius)
-        # Without other directions, nothing couples.
+        # Without other directions there is no coupling.
         others = values[:, 1] if len(xi) > 1 else np.full(len(phases), np.inf)
         coupling = np.sqrt(np.square(first[:, 1:, 0]).sum(axis=1))
         coupling = coupling + 0.5 * width * (
