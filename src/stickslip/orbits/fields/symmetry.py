@@ -161,6 +161,7 @@ class Surroundings:
         n = len(self.sizes)
         rates, others = list[_Rows](), list[_Rows]()
         for piece, t, y in self._samples:
+            # Off the motion, on which slopes may vanish although the system is not invariant.
             around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
             slopes = piece.dependence(t, around, p)
             slopes = slopes[np.all(np.isfinite(slopes), axis=(1, 2))]
