@@ -231,7 +231,7 @@ class SystemFmu(Fmi2Slave):
                 self._refuse(error)
         return self._stepper
 
-    # -- what an importer calls --------------------------------------------------------------------
+    # -- interface for importers -------------------------------------------------------------------
 
     def setup_experiment(
         self, start_time: float, stop_time: float | None, tolerance: float | None
@@ -353,7 +353,7 @@ class SystemFmu(Fmi2Slave):
         saved = StepperState(said.pop("time"), said.pop("inputs"), lane, numbers)
         return {"said": said, "stepper": saved}
 
-    # -- what it is --------------------------------------------------------------------------------
+    # -- description -------------------------------------------------------------------------------
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """The description of the model, with units, and numbers in full."""

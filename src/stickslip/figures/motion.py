@@ -134,7 +134,7 @@ class _Overview:
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}
-        # What is open says nothing.
+        # An open contact has no force to plot.
         self.all_stick = np.zeros(self.motion.steps, bool)
         for mode in modes.values():
             self.all_stick |= np.isin(mode, (0, IS_CLOSED))

@@ -100,7 +100,7 @@ class Comparison(Result):
             f"with {others}"
         )
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def title(self) -> str:
@@ -294,7 +294,8 @@ def _own(value: Any, i: int, name: str, known: set[str]) -> Any:
 def _compared(names: list[str], fits: list[Fit]) -> Comparison:
     import xarray as xr
 
-    # One account of how much the data say, that of the best: else it would decide instead.
+    # One effective number of data for all fits, that of the best: otherwise it would decide the
+    # comparison.
     best = max(fits, key=lambda f: f.log_likelihood)
     share = best.statistics.weight
     pairs = [criteria(f.log_likelihood, f.free, f.count, share) for f in fits]

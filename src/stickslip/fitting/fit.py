@@ -67,7 +67,7 @@ class Fit(Result):
     def __repr__(self) -> str:
         return f"<Fit of {self.declared.name}: {', '.join(self.unknowns_in_words(3))}>"
 
-    # -- what was found ----------------------------------------------------------------------------
+    # -- results -----------------------------------------------------------------------------------
 
     @cached_property
     def problem(self) -> FitProblem:
@@ -182,6 +182,7 @@ class Fit(Result):
             outside = np.any((drawn < low) | (drawn > high), axis=1)
             if not outside.any():
                 break
+            # Rejection sampling of the truncated distribution.
             fresh = rng.standard_normal((int(outside.sum()), len(root))) @ root.T
             drawn[outside] = self.values + fresh
         drawn = np.clip(drawn, low, high)
@@ -219,7 +220,7 @@ class Fit(Result):
 
         return cycles_with_band(self, parameter, span, initial)
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def along(self) -> str:

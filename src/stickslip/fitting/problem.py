@@ -127,7 +127,7 @@ class FitProblem:
         """Columns whose noise is not known."""
         return sorted(set(self.groups.tolist()) - {-1})
 
-    # -- what optimisers and samplers ask for ------------------------------------------------------
+    # -- interface for optimisers and samplers -----------------------------------------------------
 
     def residuals(self, p: Any) -> Array:
         """(motion − data)/sigma; infinite if the motion cannot be computed (:meth:`reason`), or
@@ -212,6 +212,8 @@ class FitProblem:
         weight = LOSSES[self.loss](r**2)[1]
         for group in self._concentrated:
             own = self.groups == group
+            # The likelihood maximised over σ is −m/2 log(r·r) up to a constant; this is its
+            # derivative.
             weight[own] = own.sum() / max(float(r[own] @ r[own]), np.finfo(float).tiny)
         return -J.T @ (weight * r)
 

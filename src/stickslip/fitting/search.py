@@ -174,12 +174,15 @@ def estimated_sigma(problem: FitProblem, p: Array) -> Array | None:
     for group in groups:
         own = problem.groups == group
         m = int(own.sum())
+        # Degrees of freedom: each column loses its share of the k fitted unknowns.
         left = max(m * (1.0 - k / len(r)), 1.0)
         if problem.loss == "linear":
             size = math.sqrt(float(r[own] @ r[own]) / left)
         else:
+            # 1.4826 times the median modulus estimates σ of normal residuals, robustly against
+            # outliers.
             size = 1.4826 * float(np.median(np.abs(r[own])))
-        # No data are better than the motion beside them.
+        # The noise is at least the accuracy of the motion.
         least = problem.rtol * float(np.max(np.abs(problem.data[own])))
         sigma[own] = max(size, least, np.finfo(float).tiny)
     return sigma

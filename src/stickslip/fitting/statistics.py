@@ -85,7 +85,9 @@ def statistics_of(problem: FitProblem, p: Array) -> Statistics:
     gain = _gain(problem, r)
     variance = 1.0 if all_known and problem.loss == "linear" else float(np.mean(psi**2)) / gain**2
     if not all_known and problem.loss == "linear":
+        # Unbiased: the sum of squares divided by the degrees of freedom.
         variance *= len(r) / max(freedom, 1)
+    # Columns of unit length: the rank does not depend on the units of the unknowns.
     norms = np.linalg.norm(J, axis=0)
     safe = np.where(norms > 0.0, norms, 1.0)
     _, s, vt = np.linalg.svd(J / safe, full_matrices=False)
@@ -129,6 +131,7 @@ def correlation(problem: FitProblem, r: Array) -> float:
             own = r[offset : offset + len(c.rows)]
             offset += len(c.rows)
             own = own - np.mean(own)
+            # Lag-1 autocorrelation, pooled over columns, each without its mean.
             above += float(own[1:] @ own[:-1])
             below += float(own @ own)
     return above / below if below > 0.0 else 0.0

@@ -189,7 +189,7 @@ def _box(low: float, high: float, value: float, size: float) -> tuple[float, flo
         below, above = value / _AROUND, value * _AROUND
     else:
         below, above = value - 2.0 * size, value + 2.0 * size
-    # A bound at zero of what is positive says nothing of its size.
+    # A lower bound of zero is no information on the size of a positive parameter.
     least = low if math.isfinite(low) and not (low == 0.0 and value > 0.0) else below
     return least, high if math.isfinite(high) else above
 

@@ -203,6 +203,7 @@ def _multilinear(table: Array, cell: Cell) -> Array:
     for axis, (low, high) in enumerate(cell):
         shape = [1] * len(cell)
         shape[axis] = high - low + 1
+        # Linear interpolation axis by axis is multilinear in the cell.
         weight = np.linspace(0.0, 1.0, high - low + 1).reshape(shape)
         first, last = np.take(values, [0], axis), np.take(values, [1], axis)
         values = first + (last - first) * weight

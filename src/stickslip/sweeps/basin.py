@@ -419,6 +419,7 @@ class _Classification:
             if not len(left):
                 return
             first = left[0]
+            # Newton's method once per attractor; other motions are compared with the closed cycle.
             cycle = self._closed(first)
             near = np.abs(f.period[left] - f.period[first]) <= _SAME * f.period[first]
             if cycle is not None:

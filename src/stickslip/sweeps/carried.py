@@ -93,7 +93,7 @@ def carried(
             cycle = _followed(before, parameter, float(value), start, state)
             followed = cycle is not None
         if cycle is None:
-            # A motion, and not its start: what is near the start may be a cycle that repels.
+            # From the motion, not its start, near which there may be an unstable cycle.
             length = period_of_drives(system, own) or 0.05 * (system.span[1] - system.span[0])
             motion = follow_freely(problem, start, start + length, state)
             try:
@@ -143,7 +143,8 @@ def _followed(
 def _approached(cycle: Cycle, time: float, state: Array) -> bool:
     """Return whether the motion from a state approaches a cycle that is not unstable."""
     closed = cycle.closed
-    # Where a contact rests that never slips is told by a motion, not by a neighbour.
+    # The rest position of a contact that never slips follows from a motion, not from a neighbouring
+    # cycle.
     if closed.shooting.setting.held or is_unstable(closed):
         return False
     first = closed.distance(state, time)

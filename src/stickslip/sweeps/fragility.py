@@ -265,6 +265,7 @@ def lognormal_fit(x: Array, beyond: Array, total: Array) -> tuple[float, float]:
         u = line[0] + line[1] * z
         below, above = log_ndtr(u), log_ndtr(-u)
         density = np.exp(-0.5 * u**2) / math.sqrt(2.0 * math.pi)
+        # Derivative of the log-likelihood: φ/Φ and −φ/(1 − Φ), by logarithms without underflow.
         slope = k * density * np.exp(-below) - (n - k) * density * np.exp(-above)
         value = -float(np.sum(k * below + (n - k) * above))
         return value, -np.array([np.sum(slope), np.sum(slope * z)])

@@ -135,7 +135,7 @@ class Level:
         """Quantities of the points of a line."""
         data, x = branch.points, self.coordinate
         where = data[self.parameter].values
-        # A corner breaks what is smooth elsewhere.
+        # The curve is smooth except at corners.
         corner = np.zeros(len(where), np.int8)
         corner[[s.index for s in branch.special if s.kind not in ("fold", "period doubling")]] = 1
         period = data["period"].values

@@ -296,7 +296,8 @@ def _follow(
                 beside.setdefault(found, []).append(met[-1])
                 beside.setdefault(met[-1], []).append(found)
             met.append(found)
-            # Where a contact rests that never slips is told by neighbours that slip.
+            # The rest position of a contact that never slips is determined by neighbouring cycles
+            # with slip.
             if isinstance(found, Cycle) and not found.closed.shooting.setting.held:
                 on_lines.place(found, [], steps)
     show(2.0 / 3.0, "lines")

@@ -108,7 +108,7 @@ def evolve_command(
     present(f"evolution of {model.name}", model.name, files, work, output, more)
 
 
-# -- what both share -------------------------------------------------------------------------------
+# -- common parts ----------------------------------------------------------------------------------
 
 
 def configured(

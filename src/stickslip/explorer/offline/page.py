@@ -147,7 +147,7 @@ def page_text(system: System, plan: Plan, stored: Stored) -> str:
         "data": data.replace("<", "\\u003c"),
         "scripts": scripts,
     }
-    # In one pass, so that nothing in one part is taken for the place of another.
+    # In one pass, so that text of one part is not mistaken for the placeholder of another.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _read("offline.html"))
 
 

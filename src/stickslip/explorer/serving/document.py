@@ -90,7 +90,7 @@ def _template() -> Template:
 
 @cache
 def _scripts() -> Markup:
-    # Each in a block of its own, so that what a file does not hang on `explorer` is its own.
+    # Each in a separate block, so that names that a file does not attach to `explorer` are local.
     return Markup("\n".join(f"{{\n{_read(f'{name}.js')}}}" for name in SCRIPTS))
 
 

@@ -104,7 +104,7 @@ class Worker:
         if self.job is None:
             return False
         limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
-        # Whoever asks next needs the machine code, too.
+        # The next request needs the machine code, too.
         return now - self.since > (COMPILING if self.compiling else limit)
 
     def end(self) -> None:
@@ -116,7 +116,7 @@ class Worker:
         try:
             send_frame(self.process.stdin, thing)
         except Exception:
-            # It has ended or cannot be told, and would wait for ever. Its listener sees the end.
+            # It has ended or cannot be reached. Its listener detects the end.
             self.end()
 
     def _listen(self) -> None:

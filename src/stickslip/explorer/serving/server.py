@@ -170,7 +170,7 @@ class Explorer:
         ticks = PeriodicCallback(pool.tick, 1000.0 * pool.tick_every)
         ticks.start()
         try:
-            # Bokeh takes most of a second to load; the workers load beside it.
+            # Bokeh takes most of a second to load; the workers load in parallel.
             server, application = await asyncio.to_thread(_application, self._place, pool)
             server.add_sockets(self._place.sockets)
             application.initialize(self._loop)

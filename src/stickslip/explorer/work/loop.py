@@ -27,7 +27,7 @@ from stickslip.explorer.asking.request import Request
 from stickslip.machine_code import shelf
 
 _ROOM = "stickslip.explorer.work"
-# Who answers what; a file is imported when it is first asked.
+# Handlers of requests; a module is imported at its first request.
 TASKS = {
     "model": "model:describe_model",
     "motion": "motion:move",

@@ -145,7 +145,7 @@ def _label(axes: Axes, data: xarray.Dataset, names: Sequence[str]) -> None:
     if len(names) > 1 or not is_word(names[0].removeprefix("d_")):
         axes.set_ylabel(axis_label(names, unit))
         return
-    # A word is no symbol: what it means says more.
+    # A word is not a symbol: its meaning is the better label.
     meaning = fill(str(data[names[0]].attrs.get("long_name", names[0].replace("_", " "))), _LETTERS)
     label = unit_label(unit)
     axes.set_ylabel(meaning + (f"  [{label}]" if label else ""))

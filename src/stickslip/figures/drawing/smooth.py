@@ -37,7 +37,7 @@ def smooth_curve(x: Array, y: Array, corners: Array) -> tuple[Array, Array]:
     finite = np.all(np.isfinite(points), axis=0)
     scale = np.ptp(points[:, finite], axis=1, keepdims=True) if np.any(finite) else np.ones((2, 1))
     length = np.hypot(*(np.diff(points, axis=1) / np.where(scale > 0.0, scale, 1.0)))
-    # A chord of no length, or one that is not known, ends what is smooth.
+    # A chord of length zero or NaN ends a smooth part.
     ends = np.flatnonzero(np.asarray(corners, bool) | ~finite)
     still = np.flatnonzero(~(length > 1e-12))
     stops = np.unique(np.concatenate([[0, len(x) - 1], ends, still, still + 1]))

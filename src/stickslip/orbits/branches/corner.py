@@ -46,10 +46,10 @@ _LOCATED = 1e-12  # a corner is located to this length …
 # … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
 # more
 _TANGENT = 1e-8
-# a cycle so far before it can be certified: on the corner itself nothing has a derivative
+# a cycle this far before it can be certified: at the corner there are no derivatives
 _BESIDE = 1e-9
 _MOST = 400  # steps towards a corner
-# a station nearer to the end of its phase, as a part of it, says nothing about what comes back
+# a station nearer to the end of its phase, as a fraction of it, is no evidence of a return
 _EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
@@ -140,7 +140,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     try:
         if _happens(chart, point, beside, tangent):
             return None
-        # Around the corner itself, so that what begins to rest there is held where it is.
+        # Around the corner, so that contacts that begin to rest there keep their positions.
         there, y, towards = renewed(chart, x, tangent * chart.scale(x))
     except _FAILURES:
         return None
@@ -401,6 +401,8 @@ def _onward(
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
+    # The tangent beyond the corner is the null vector of the equations of the other sequence,
+    # evaluated at a trial point, since they are not defined at the corner itself.
     null = np.linalg.svd(ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True)))[2][-1]
     nearest = None
     for length, sense in product(lengths, (null, -null)):

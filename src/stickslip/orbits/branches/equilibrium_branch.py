@@ -325,6 +325,8 @@ class _Follower:
         guards = steady.guards(point)
         slope = tangent[-1]
         with np.errstate(all="ignore"):
+            # An eigenvalue passes through 0 at folds and branch points; the quotient has no zero at
+            # folds.
             branching = (
                 float(np.prod(eigenvalues / np.max(np.abs(eigenvalues))).real / slope)
                 if len(eigenvalues)

@@ -436,7 +436,7 @@ class _Curve:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
-        # Equations of one size: else what is rounded in large ones is added to small ones.
+        # Equations of one size: otherwise rounding errors of large ones are added to small ones.
         _, slopes = problem.residual(problem.start)
         sizes = np.max(np.abs(slopes * problem.units(problem.start)), axis=1)
         sizes[sizes == 0.0] = 1.0
@@ -486,7 +486,7 @@ def _special(places: list[_Place], index: int, test: Test) -> SpecialPoint:
     state = dict(zip(field.state, map(float, x[: curve.n]), strict=True))
     data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
     where = (state, curve.values(x), field.mode, field.region, index)
-    # A test function has no size of its own but what it is at the points beside.
+    # The size of a test function is that at the neighbouring points.
     beside = [places[i] for i in (index - 1, index + 1) if 0 <= i < len(places)]
     others = [abs(other.test(test)) for other in beside if other.curve is curve]
     here = abs(place.test(test))
@@ -560,6 +560,7 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         for j, (name, (low, high)) in enumerate(curve.spans.items()):
             step = np.zeros(len(x))
             step[j - 2] = _BESIDE * (high - low)
+            # The equilibrium moves with the parameter by A dy = −∂f/∂p dp.
             step[:n] = np.linalg.lstsq(linear[:, :n], -linear[:, n + j] * step[j - 2])[0]
             ends = (_pair(steady.eigenvalues(curve.point(x + s * step)), x[2 * n]) for s in (1, -1))
             ahead, back = (float(np.mean(pair.real)) for pair in ends)
@@ -609,6 +610,7 @@ def _fold_problem(curve: _Curve) -> _Extended:
         return slopes(np.append(x[:n], x[-2:]))[1][:, :n]
 
     start = np.concatenate([curve.y, np.zeros(n), [steady.values[name] for name in curve.spans]])
+    # At a fold the last singular vectors are the left and right null vectors.
     u, _, w = np.linalg.svd(matrix(start))
     left = u[:, -1]
     right = w[-1]
@@ -623,6 +625,8 @@ def _fold_problem(curve: _Curve) -> _Extended:
     def tests(x: Array) -> dict[str, float]:
         eigenvalues = steady.eigenvalues(curve.point(x))
         others = np.delete(eigenvalues, np.argmin(np.abs(eigenvalues)))
+        # With one zero eigenvalue, the sum of these products is the product of the others, which
+        # vanishes with a second zero.
         products = [np.prod(np.delete(eigenvalues, i)) for i in range(len(eigenvalues))]
         return {
             "cusp": numbers(x)["curvature"],

@@ -38,9 +38,9 @@ _TOGETHER = 1e-6  # changes that are nearer to each other are one
 _APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
-# how far beside a change derivatives are those of that side
+# distance from a change at which derivatives are those of that side
 _ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
-# slope of the parameter at a fold, which moves by the square of what is left
+# slope of the parameter at a fold; the error of the fold is of the order of its square
 _TURNS = 1e-8
 # how far around the place of a change the place is looked for where a contact begins to stick
 _AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
@@ -157,9 +157,11 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
     ends, ways = list[Array](), list[Array]()
     for x in sides:
         tangent, _ = direction(finder.chart, x, a.units, a.heading)
+        # Scaled to a unit component along the heading: both sides are compared at the same place.
         ways.append(tangent / (a.heading @ tangent))
         offset = (x - a.x) / a.units
         ends.append(offset + ways[-1] * (place - a.heading @ offset))
+    # |apart + s turn| is smallest at s = −apart·turn/|turn|².
     apart, turn = ends[1] - ends[0], ways[1] - ways[0]
     return float(np.linalg.norm(apart)), ratio(-float(apart @ turn), float(turn @ turn))
 

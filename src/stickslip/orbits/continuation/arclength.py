@@ -103,6 +103,7 @@ def direction(
     matrix = np.empty((len(x), len(x)))
     rows = np.multiply(J, scale, out=matrix[:-1])
     rows[:] = ratio(rows, np.abs(rows).max(axis=1, keepdims=True))
+    # Rows of equal size: the null vector is then accurate if equations have different units.
     tangent = np.linalg.svd(rows)[2][-1]
     tangent = tangent if tangent @ towards >= 0.0 else -tangent
     # The orientation is the sign of the determinant of the Jacobian bordered by the tangent.

@@ -51,9 +51,11 @@ def zero_between(
         along = (a - b) / (c - b)
         up = (at_a - at_b) / (at_c - at_b)
         part = 0.5
+        # Chandrupatla's criterion: the inverse parabola is monotone in the bracket.
         if up**2 < along and (1.0 - up) ** 2 < 1.0 - along:
             part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
             part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+        # At least the resolution away from both ends, so that the bracket shrinks in every step.
         part = min(max(part, finest / width), 1.0 - finest / width)
     return nearest
 

@@ -194,7 +194,7 @@ class Branch(Result):
         """The special points of a kind."""
         return [s for s in self.special if s.kind == kind]
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def along(self) -> str:

@@ -89,7 +89,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         w = replace(w, clock=now)
         found = replace(found, period=turns * now.period(problem.parameters))
     found = _extrapolated(start, found, problem.parameters) or found
-    # To first order what slides without mass stays on a tangent of the forces that it can hold.
+    # To first order a contact that slides without mass stays on a tangent of its limit surface.
     states = found.state[None, :].copy()
     settle_friction(problem.compiled.equations, problem.parameters, states, found.time)
     found = replace(found, state=states[0])

@@ -140,6 +140,7 @@ def _amplitude(piece: Piece, y: Array, q: Array, p: Array) -> float:
     """Size of the first cycle: small, and away from every switching boundary."""
     guards = piece.leave(0.0, y, p)
     reach = np.abs(guards.slopes[:, : len(y)] @ q)
+    # On the cycle y + 2ε Re(q e^{iωt}) a guard changes, to first order, by at most 2ε · reach.
     room = np.min(guards.value[reach > 0.0] / reach[reach > 0.0], initial=np.inf)
     if not room > _ROOM:
         raise DeclarationError(

@@ -71,6 +71,7 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
         return None
     sums = [np.sum(block) for block in np.array_split(growth, _BLOCKS)]
     times = [np.sum(block) for block in np.array_split(lengths, _BLOCKS)]
+    # The standard error is that of block means, since successive growth rates are correlated.
     rates = np.array(sums) / np.array(times)
     return Exponent(
         sum(sums) / sum(times), float(np.std(rates, ddof=1) / np.sqrt(_BLOCKS)), float(sum(times))

@@ -88,5 +88,6 @@ class NearCycle:
         chord = np.diff(self.polygon, axis=0)
         length = np.sum(chord**2, axis=1)
         offset = self._offset(states, a)
+        # Foot of the perpendicular on each chord, limited to its ends.
         part = np.clip(ratio(np.einsum("sci,ci->sc", offset, chord), length), 0.0, 1.0)
         return np.min(np.linalg.norm(offset - part[:, :, None] * chord, axis=2), axis=1)

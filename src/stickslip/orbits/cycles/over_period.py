@@ -357,6 +357,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
         jump = k.state[j] * ends[1] - k.state[i] * ends[0]
         edge = np.abs(k.state[j]) + np.abs(k.state[i])
         for m in range(2):
+            # Panels resolve the fastest wave of loads and harmonic, not the modes of the structure.
             count = (m + 1) * math.ceil(_PARTS * fastest * (b - a) / (2.0 * np.pi))
             width = (b - a) / count
             middle = a + (np.arange(count) + 0.5) * width
@@ -365,6 +366,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
             loads = piece.rates(times, np.zeros((n, len(times))), p)
             every[m] += known[number] @ (loads @ weights - jump)
             sizes[m] += np.abs(known[number]) @ (edge + np.abs(loads) @ np.abs(weights))
+    # The harmonic of the drift shift·t/T over a period, in closed form.
     drift = shift / period * 1j * period / wave * np.exp(-1j * wave * start)
     found = 2.0 / period * (every - drift)
     size = np.max(np.abs(k.state), axis=0)

@@ -104,6 +104,7 @@ def eigenvalue_errors(steady: Steady, points: Array, sizes: Array) -> tuple[Arra
     terms = np.linalg.norm(J[:, 0], axis=(1, 2))
     for i in range(n):
         change = moved[i, :, 1 + i] - points[i]
+        # Differences estimate |∂A/∂yᵢ|; times the size of yᵢ, the effect of its rounding error.
         terms += (
             np.where(change > 0.0, norms[:, 1 + i] / np.where(change > 0.0, change, 1.0), 0.0)
             * (sizes[:, i])

@@ -176,7 +176,7 @@ class _Extents:
         )
         task = np.tile(self.task, len(choices))
         there = np.tile(self.inside, len(choices))
-        # Points without end count for what is inside alone.
+        # Points at infinity only count as inside.
         finite = np.all(np.isfinite(points), axis=0) & ~there
         there[finite] = self.of.holds(points[:, finite])
         task = task[there]

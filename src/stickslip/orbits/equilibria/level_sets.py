@@ -253,7 +253,7 @@ class _Covering:
             self._divide(again, parts_each, turn)
             turn += 1
 
-    # -- boxes ---------------------------------------------------------------------------------
+    # -- boxes -------------------------------------------------------------------------------------
 
     def _start(self, low: Array, high: Array, pairs: Array) -> None:
         self.low, self.high = low, high
@@ -395,7 +395,7 @@ class _Covering:
         number = self._keep(kept)
         self._assess(number[children.ravel()], widest=turn % 4 == 3)
 
-    # -- components ----------------------------------------------------------------------------
+    # -- components --------------------------------------------------------------------------------
 
     @property
     def _in_core(self) -> Array:
@@ -422,7 +422,7 @@ class _Covering:
         again |= ~known if everywhere else open_
         again[a[~known[a] & near[b]]] = True
         again[b[~known[b] & near[a]]] = True
-        # What is as thin as can be is decided by what is beside it.
+        # Boxes of minimum width are decided by their neighbours.
         stuck = again & ~known & ~self._divisible
         again[a[stuck[b]]] = True
         again[b[stuck[a]]] = True
@@ -445,7 +445,7 @@ class _Covering:
             ]
             side = np.sign(self.own[np.abs(face) - 1, a])
             ways.append((self.rising[-1], (face != 0) & (side == np.sign(face))))
-            # Across what is as thin as rounding nothing can hide.
+            # A box as thin as rounding cannot hide a gap.
             ways += [(thin[i], np.abs(face) == i + 1) for i in range(len(thin))]
             for j, (risen, across) in enumerate(ways):
                 open_ = (label == -1) & risen

@@ -73,6 +73,7 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
     """Levenberg-Marquardt steps on |F|², each component of F in units of its slopes at the
     start."""
     F, J = residual(y)
+    # Weights are fixed at the start, so that |F|² decreases monotonically.
     weight = ratio(1.0, np.max(np.abs(J) * units[None, :, None], axis=1))
     damping = np.full(y.shape[1], 1e-2)
     F = weight * F
@@ -93,6 +94,7 @@ def _descend(residual: ResidualFunction, y: Array, units: Array) -> Array:
         y = np.where(better, trial, y)
         F = np.where(better, G, F)
         J = np.where(better, K, J)
+        # Towards Newton's method after success, towards gradient descent after a failure.
         damping = np.clip(np.where(better, 0.2 * damping, 4.0 * damping), _LEAST_DAMPING, 1e10)
         if np.all((np.sum(F**2, axis=0) <= _FOUND) | (damping > 1e6)):
             break

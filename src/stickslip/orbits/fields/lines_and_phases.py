@@ -63,7 +63,7 @@ class Reading:
         if not np.any(table[:, 0]):
             return np.zeros(len(states))
         found = np.linalg.lstsq(table[:, 1:], -table[:, 0], rcond=None)[0]
-        # What is rounding beside the others is none.
+        # A value at the level of rounding relative to the others is zero.
         found = np.where(np.abs(found) > ROUNDED_SUM * np.max(np.abs(found)), found, 0.0)
         left = np.abs(table[:, 0] + table[:, 1:] @ found)
         if np.any(left > MAKES_UP * (np.abs(table[:, 0]) + np.abs(table[:, 1:]) @ np.abs(found))):

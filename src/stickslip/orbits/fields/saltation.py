@@ -471,7 +471,7 @@ def _mode_of(
     contact, settled = closing
     size = float(np.max(np.abs(after - y), initial=0.0))
     closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
-    # Mostly it is the one of last time, which a rounding error tells.
+    # Usually it is the previous mode, which is accepted if it agrees up to rounding.
     latest: dict[tuple[int, frozenset[int]], Mode] = kept(left, "latest impacts")
     candidates = islice(_modes(equations, {*closed, contact}), _MOST_MODES)
     if closing in latest:

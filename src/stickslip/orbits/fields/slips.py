@@ -271,7 +271,7 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
     others = [values[name] for name in formula.ranges]
 
     n = formula.dimension
-    # The forces lie on the border of the set: what is least is the dissipation beside their power.
+    # The forces are on the boundary of the set: minimised is the dissipation plus their power.
     ways = _directions(formula, others)
     rooms = [s * formula.numbers([*w, *others])[0] + w @ held for w in ways]
     w = ways[int(np.argmin(rooms))]
@@ -431,6 +431,7 @@ def _at_rest(equations: MotionEquations, piece: Piece, at: tuple[float, Array, A
         moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
         J = bounds[:, moving]
         felt = np.linalg.solve(mass_at(equations, piece, at), J.T)
+        # Impulses −M⁻¹Jᵀ(J M⁻¹ Jᵀ)⁺ restore J δu = 0; the pseudoinverse allows dependent contacts.
         P[moving] -= felt @ np.linalg.pinv(J @ felt, rcond=_DEPENDENT) @ bounds
     return P
 

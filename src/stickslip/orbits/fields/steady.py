@@ -241,6 +241,8 @@ class Steady:
         """Values and slopes of the changed field and of the guards, and scales of the state."""
         n = len(self.field.state)
         values, slopes = (np.moveaxis(a, -1, 0) for a in self._everything(points))
+        # Rounding errors of the terms of f change the solution by |A⁻¹| times the size of the
+        # terms.
         inverse = np.linalg.pinv(slopes[:, :n, :n])
         terms = np.einsum("kij,jk->ki", np.abs(slopes), np.abs(points))
         state = np.maximum(
@@ -284,6 +286,7 @@ class Steady:
             return np.zeros(len(self.field.state))
         n = len(self.field.state)
         values, slopes = self._local(point)
+        # In steady motion the rates are along translations; other components are residuals.
         rates = self.invariant @ (self.invariant.T @ values[:n])
         return np.where(
             np.abs(rates)

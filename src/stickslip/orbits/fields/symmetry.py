@@ -127,7 +127,7 @@ class Surroundings:
             If the system is driven and not invariant after one period of its drives.
         """
         shifts, frame = _split(self._unchanged(p))
-        # Where shifts of any size change nothing, cells say nothing more.
+        # Cells along continuous translations are redundant.
         N, C = shifts / self.sizes[:, None], cells / self.sizes[:, None]
         rest = C - N @ np.linalg.lstsq(N, C, rcond=None)[0]
         cells = cells[:, np.max(np.abs(rest), axis=0) > NO_CHANGE * np.max(np.abs(C), axis=0)]
@@ -161,6 +161,7 @@ class Surroundings:
         n = len(self.sizes)
         rates, others = list[_Rows](), list[_Rows]()
         for piece, t, y in self._samples:
+            # Off the motion, on which slopes may vanish although the system is not invariant.
             around = y + 0.1 * self.sizes[:, None] * rng.uniform(-1.0, 1.0, y.shape)
             slopes = piece.dependence(t, around, p)
             slopes = slopes[np.all(np.isfinite(slopes), axis=(1, 2))]
@@ -170,7 +171,7 @@ class Surroundings:
         units = np.append(1.0, self.sizes)
         rates = [part._replace(rows=part.rows * units) for part in rates]
         others = [_unit(part._replace(rows=part.rows * units)) for part in others]
-        # A rate that is 0 in one piece up to rounding is measured by what it is in the others.
+        # A rate that is 0 in one piece up to rounding is compared with its size in the others.
         size = np.zeros(n)
         for part in rates:
             np.maximum.at(size, part.of, np.max(np.abs(part.rows), axis=1))

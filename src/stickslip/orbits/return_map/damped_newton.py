@@ -94,7 +94,7 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
         step = _least_squares(matrix, right)
-        # A whole step more leaves rounding, which nothing can improve.
+        # After one more full step the residual is rounding error, which cannot be improved.
         last = bool(np.linalg.norm(orbit.F) <= _ROUNDED)
         better = _shortened(shooting, orbit, units, step, 1 if last else _HALVINGS)
         orbit = better or orbit
@@ -213,6 +213,7 @@ def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
     times = orbit.motion.knots.time[0] + np.arange(count) / count * orbit.period
     states = closed.samples(count)
     radius = (states - np.mean(states, axis=0)) / sizes
+    # A central difference is proportional to the velocity, whose direction alone matters.
     motion = np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)
     lengths = np.linalg.norm(radius, axis=1) * np.linalg.norm(motion, axis=1)
     cosine = ratio(np.abs(np.sum(radius * motion, axis=1)), lengths)

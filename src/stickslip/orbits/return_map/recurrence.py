@@ -172,6 +172,7 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     felt = _largest_slopes(motion, made, steps, p)
+    # Without the drift, which is no part of the size of the cycle.
     moving = states - np.outer((times - k.time[0]) / period, shift)
     sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)
@@ -354,7 +355,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
             found.append(
                 Recurrence(t, y, abs(float(times[i] - t)), abs(int(turns[i])) or 1, later, distance)
             )
-    # Where a later return all but closes, the earlier ones are what a cycle passes on its way.
+    # If a later return nearly closes, earlier ones are near approaches within the cycle.
     return [r for r in found if r.distance <= _CLOSER * max(found[-1].distance, _EXACT)]
 
 

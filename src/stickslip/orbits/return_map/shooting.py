@@ -272,6 +272,8 @@ class Shooting:
         station = self.stations[0]
         rows = [station.chart @ e for e in self.symmetry.shifts.T]
         if self.symmetry.frame is not None:
+            # The section is orthogonal to the velocity relative to the frame, where the motion is
+            # transverse.
             rate = (
                 station.piece.rates(self.start, station.origin, parameter_values(self.problem))
                 - self.symmetry.frame

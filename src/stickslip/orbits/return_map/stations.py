@@ -105,7 +105,7 @@ def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes:
     """
     n = len(y)
     slopes = piece.bounds(t, y, p).slopes[:, :n] * sizes
-    # Each constraint counts alike, however small what it holds is on this cycle.
+    # All constraints have equal weight, however small the constrained motion is on this cycle.
     lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
     slopes = np.divide(slopes, lengths, out=slopes, where=lengths > 0.0)
     _, s, v = np.linalg.svd(slopes) if len(slopes) else (None, np.zeros(0), np.eye(n))

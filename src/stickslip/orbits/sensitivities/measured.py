@@ -231,7 +231,7 @@ class _Changing:
         period = self.period
         omega = 2.0 * np.pi * order / period.value
         turning = -omega * period.slope / period.value
-        # ω as a formula of the parameter: what is integrated is differentiated once.
+        # ω as a formula of the parameter, so that the integrand is differentiated once.
         moved = ex.sym(self.name) - self.motion.parameters[self.name]
         angle = (omega + turning * moved) * (ex.sym("t") - float(self.motion.knots.time[0]))
         shares = [

@@ -405,6 +405,7 @@ def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
             return f"a {what} immediately on one side ({c.name})"
         switch = len(piece.field.region) + contact
         forward, backward = (pieces(*piece.switched(switch, side)) for side in (1, -1))
+        # Slips in the two directions differ by the friction force alone, so push is along M⁻¹Jᵀ.
         push = forward.rates(t, y, p) - backward.rates(t, y, p)
         n = len(y)
         directions[:n] -= np.outer(push, broken / (slope[:n] @ push))

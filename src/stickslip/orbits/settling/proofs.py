@@ -289,7 +289,7 @@ def affine_outcomes(
     constant = value - (fading + answer)[:, guard]
     even = drift[:, guard]
     bent = T.c2[slot][:, guard]
-    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
+    # A guard that is constant, even at zero, has no effect: it was admissible when the mode was
     # chosen.
     inert = (reach <= margin) & (even == 0.0) & (bent == 0.0) & (constant >= -margin)
     held = inert | ((constant - reach > margin) & (even >= 0.0) & (bent >= 0.0))

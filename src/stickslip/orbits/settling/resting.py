@@ -78,6 +78,7 @@ class _Neighbourhood:
         named = ("t", *equations.declaration.parameters, *state)
         values = dict(zip(named, map(float, (self.t, *self.p, *self.y)), strict=True))
         forms = np.zeros((len(point.mode), len(state)))
+        # A contact that sticks keeps the displacement whose rate is its velocity.
         for c in np.flatnonzero(point.mode == 0):
             for x, weight in equations.contacts[c].direction.items():
                 forms[c, state.index(x)] = ex.evaluate(weight, values)
@@ -125,7 +126,7 @@ class _Neighbourhood:
         B = self.basis
         units = self.units
         J = self._jacobian(self.piece, y)
-        # In the coordinates of the eigenvectors every part of a deviation shrinks by itself.
+        # In the coordinates of the eigenvectors every component of a deviation decays separately.
         eigenvalues: AnyArray
         eigenvalues, V = np.linalg.eig(J) if J.size else (np.zeros(0), np.zeros((0, 0)))
         if np.any(eigenvalues.real >= -NO_GROWTH * np.max(np.abs(eigenvalues), initial=0.0)):
@@ -141,7 +142,7 @@ class _Neighbourhood:
                     if np.linalg.norm(inverse @ (there - J) @ V, 2) > _CURVED * slowest:
                         return False
         here = self.piece.leave(self.t, y, self.p)
-        # A guard moves by no more than the sum of what each part moves it.
+        # A guard changes by at most the sum of the changes by each component.
         slopes = here.slopes[:, :n] * units @ B
         reach = np.abs(slopes @ V) @ parts
         terms = self._terms(here, y)

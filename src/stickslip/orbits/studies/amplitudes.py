@@ -347,6 +347,7 @@ class Amplitudes:
                 "the cycle is not differentiable",
                 "Use more points, or other amplitudes",
             )
+        # J has one row less than columns: its null vector is the tangent of the curve.
         tangent = np.linalg.svd(orbit.J * units)[2][-1]
         slope = float((self.slopes(shooting, orbit) * units) @ tangent)
         if slope == 0.0:
@@ -404,6 +405,7 @@ class Amplitudes:
             new = self.renewed(*self.solve(shooting, x, aim))
         except (StickslipError, ArithmeticError, np.linalg.LinAlgError):
             new = self.renewed(*self.solve(*self.scaled(orbit, aim), aim))
+        # A large jump of the period means another branch, such as an internal resonance.
         change = abs(np.log(new[1].period / orbit.period))
         if change > _OTHER:
             raise ConvergenceError(

@@ -521,6 +521,7 @@ def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
     if not 0 < i < len(energy) - 1:
         return float(energy[i])
     a, b, c = energy[i - 1 : i + 2]
+    # The vertex of the parabola through three equidistant samples.
     bend = a - 2.0 * b + c
     return float(b - (c - a) ** 2 / (8.0 * bend)) if bend < 0.0 else float(b)
 

@@ -290,6 +290,7 @@ class HysteresisOperator:
         Its area ∮ d dψ, positive if anticlockwise, times the coupling is the energy supplied to ψ
         in a period.
         """
+        # By return-point memory the loop is closed after one cycle.
         start = self([low, high, low])[-1]
         return self.path([low, high, low], initial=start)
 
@@ -306,6 +307,7 @@ class HysteresisOperator:
         from stickslip.rate_independent.play.operator import play
 
         return play(
+            # A play with moving bounds G⁻ ≤ d ≤ G⁺: load (G⁺ + G⁻)/2, threshold (G⁺ − G⁻)/2.
             lambda t: 0.5 * (self.upper(psi(t)) + self.lower(psi(t))),
             lambda t: 0.5 * (self.upper(psi(t)) - self.lower(psi(t))),
             t_span,

@@ -330,7 +330,7 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
     if drives:
         what, remedy = f"drive '{drives[0]}'", f'Switch it off, as with {drives[0]}="0"'
     elif pushed:
-        # What the equations have of it is a force on modes, which nobody has written.
+        # In the equations it is a force on modes, which is unknown to the user.
         what = f"the force on {pushed[0]}, {short(str(system.forces[pushed[0]]))}"
         remedy = "Switch it off, as with an amplitude of 0"
     else:

@@ -218,6 +218,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
                 return rest, stiffness
         return None
 
+    # Undamped modes: D = φᵀCφ/(2ω) is the damping ratio to first order in C.
     mass, damping = np.zeros((n, n)), _linear_damping(system, values)
     for (a, b), entry in d.mass.items():
         i, j = names.index(a), names.index(b)

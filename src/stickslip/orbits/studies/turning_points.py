@@ -194,6 +194,7 @@ def _judged(
     (_, a, x0, v0), (_, _, x, v), (_, b, x1, v1) = low, middle, high
     h = b - a
     mean = (x1 - x0) / h
+    # The cubic Hermite polynomial through both ends has the velocity v₀ + slope·s + bend·s².
     slope, bend = 6.0 * mean - 4.0 * v0 - 2.0 * v1, 3.0 * (v0 + v1) - 6.0 * mean
     s = _BETWEEN
     rate = v0 + s * (slope + s * bend)

@@ -14,7 +14,7 @@ from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.signals.signal import NARROWEST_INTERVAL
 
 _PARTS = 8  # of a divided interval
-# neighbours to both sides that are divided along with it: the next force will ask for them
+# neighbours on both sides that are also divided, in anticipation of the next force
 _AHEAD = 4
 _SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
 _MOST = 2**18  # intervals

@@ -125,7 +125,7 @@ def refined_maxima(
         with np.errstate(all="ignore"):
             p, q = (b - a) * (fb - fc), (b - c) * (fb - fa)
             new = b - 0.5 * ((b - a) * p - (b - c) * q) / (p - q)
-        # Every other time, or where a parabola says nothing new: the wider half.
+        # In every other step, or if the parabola gives no new point: the wider half.
         wide = np.where(b - a > c - b, b - (1.0 - GOLDEN) * (b - a), b + (1.0 - GOLDEN) * (c - b))
         new = np.where(
             (new > a) & (new < c) & (np.abs(new - b) > LAST_DIGITS) & (step % 2 == 0), new, wide

@@ -243,7 +243,7 @@ class Intersection(Average):
             return ForceWithMultipliers(np.zeros(len(V)), np.zeros(1), V[None], 0.0, 0.0)
         if (again := self._remembered(V, self.tolerance)) is not None:
             return again
-        # Perhaps one phase does everything: the one at which V costs least.
+        # First candidate: all motion at the phase of minimum cost of V.
         costs = self.cover.first.start.support(V)
         k = int(costs.argmin())
         low = self.cover.low
@@ -272,8 +272,8 @@ class Intersection(Average):
             least = min(least, self._gap(closer, c, Q))
             if least <= rule:
                 return self._kept(closer, Q)
-            # Constraints that do not hold ξ may go only where the value has fallen, and not for
-            # ever.
+            # Inactive constraints are dropped only if the value has decreased, and only in early
+            # rounds, so that the exchange cannot cycle.
             now = float(c @ held.xi) - (0.0 if Q is None else float(held.xi @ Q @ held.xi) / 2)
             fallen = k < _FORGETFUL and now < value - _FALLEN * abs(now)
             value = min(now, value)

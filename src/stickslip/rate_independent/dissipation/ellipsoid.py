@@ -114,6 +114,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         root = self.root_at(s)
         along = self.vector(v, "v") @ root
         length = np.linalg.norm(along)
+        # The gradient of √⟨v, S v⟩ is S v/|Rᵀv| with S = R Rᵀ.
         return root @ (along / length) if length > 0 else np.zeros(self.dimension)
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:

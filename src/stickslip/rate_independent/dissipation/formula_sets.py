@@ -269,7 +269,7 @@ class FormulaSets(Dissipation):
             found = self._search.found(xi, None, others, begin)
             if found is not None:
                 return found
-        # From outside, where what is normal to K(s) can be told.
+        # From outside, where the normal to K(s) is determined.
         direction = xi / np.linalg.norm(xi)
         reach = self.support(direction, s)
         for _ in range(_MOST_CUTS):

@@ -93,7 +93,7 @@ class Parabolas:
         width = np.maximum(high - phases, phases - low)
         size = width * np.sqrt(np.square(first).sum(axis=(1, 2)))
         size += 0.5 * width**2 * (np.sqrt(np.square(second).sum(axis=(2, 3))) + radius)
-        # Without other directions, nothing couples.
+        # Without other directions there is no coupling.
         others = values[:, 1] if len(xi) > 1 else np.full(len(phases), np.inf)
         coupling = np.sqrt(np.square(first[:, 1:, 0]).sum(axis=1))
         coupling = coupling + 0.5 * width * (
@@ -101,6 +101,7 @@ class Parabolas:
         )
         with np.errstate(all="ignore"):
             bend = 0.5 * (second[:, :, 0, 0] - radius) - np.square(coupling) / (others - size)
+            # The minimum of a₁t + bend·t² is −a₁²/(4 bend).
             vertex = -0.25 * np.square(first[:, 0, 0]) / bend
             ends = np.minimum(
                 *(first[:, 0, 0] * t + bend * t**2 for t in (high - phases, low - phases))
@@ -119,6 +120,7 @@ class Parabolas:
         for _ in range(_NEWTON):
             _, values, first, second, _ = self._along(phases, xi)
             with np.errstate(all="ignore"):
+                # Second derivative of a simple eigenvalue by perturbation theory.
                 bend = second[0, :, 0, 0] - 2.0 * np.square(first[:, 1:, 0]).sum(axis=1) / (
                     values[:, 1] - values[:, 0]
                 )

@@ -210,6 +210,7 @@ def _planar_facets(points: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     offsets = np.repeat(points, k, axis=1)
     size = np.abs(points).max(axis=(1, 2))
     offsets = np.einsum("mfn,mfn->mf", normals, offsets)
+    # A line through two points is a facet if no point is beyond it.
     facet = (sizes > 0.0) & (reach.max(axis=2) <= offsets + LAST_DIGITS * size[:, None])
     width = np.where(facet, reach.max(axis=2) - reach.min(axis=2), np.inf).min(axis=1)
     known = facet.any(axis=1) & (width > _FLAT * size)

@@ -93,7 +93,7 @@ class AveragingStudy(Result):
             for name in ("steps", "wall_time")
         }
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def along(self) -> str:

@@ -100,7 +100,7 @@ class History(Result):
         scale = max(
             np.ptp(energy), dissipated[-1], np.abs(work).max(), self.dataset.attrs["least_energy"]
         )
-        # Where next to nothing flows, the energy itself is known to rounding only.
+        # If hardly any energy is transferred, the energy is only accurate to rounding.
         return float(max(scale, ENERGY_SCALE * np.abs(energy).max()))
 
     @cached_property
@@ -176,7 +176,7 @@ class History(Result):
         said = self.dataset.attrs.get("left_out")
         return [str(said)] if said else []
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def title(self) -> str:

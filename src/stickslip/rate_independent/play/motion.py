@@ -120,7 +120,7 @@ class PlayMotion:
         change[jumps] = np.diff(position)[jumps]
         work = np.concatenate([[0.0], -(after[1:] - before[:-1]) * position[1:-1]])
         supplied_at = np.concatenate([[0.0], np.cumsum(supplied + np.append(work[1:], 0.0))])
-        # Nodes are rounded times: what an interval contributes is known to that part of it.
+        # Nodes are rounded times, which limits the relative accuracy of short intervals.
         rounding = np.divide(
             _SPACINGS * np.spacing(np.abs(time[1:])),
             np.diff(time),

@@ -444,7 +444,7 @@ class Play(Result):
         }
         return pd.DataFrame({"time": self.time[k], **names, "z": self.z[k]})
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- description and summary -------------------------------------------------------------------
 
     @property
     def title(self) -> str:

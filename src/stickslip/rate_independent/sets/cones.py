@@ -196,7 +196,7 @@ def _interior_point(
     zero = [clarabel.ZeroConeT(len(ties))] if len(ties) else []
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    # As far as rounding lets it go: who calls judges what comes back.
+    # To the attainable accuracy: the caller checks the result.
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TIGHTEST
     solver = clarabel.DefaultSolver(
         csc_matrix(triu(Q)),

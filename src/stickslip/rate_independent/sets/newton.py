@@ -195,8 +195,10 @@ class NormalSearch:
             return v
         value = self.at(v, others).value
         if W is None:
+            # The minimum over c > 0 of ½c²R(v)² − c⟨ξ, v⟩.
             ahead, square = float(xi @ v), value**2
         else:
+            # The minimum over c > 0 of ½c²⟨v, Wv⟩ + cR(v) − c⟨ξ, v⟩.
             ahead, square = float(xi @ v) - value, float(v @ W @ v)
         return v * (ahead / square) if ahead > 0.0 and square > 0.0 else np.zeros(len(v))
 
@@ -355,6 +357,7 @@ class NormalSearch:
         probes = (probes[lengths > _NO_PROBE] / lengths[lengths > _NO_PROBE, None]).T
         rows = np.broadcast_to(others[:, None], (len(others), probes.shape[1]))
         values = self.formula.values(np.concatenate([probes, rows]))[0]
+        # K = {y : ⟨y, v⟩ ≤ R(v) for all v}, and R is its support function.
         return float((y @ probes - values).max())
 
     def _beside(self, kinks: tuple[Kink, ...], v: Array, others: Array) -> FormulaAt:

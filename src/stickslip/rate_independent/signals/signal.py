@@ -219,7 +219,7 @@ class Signal(ABC):
             "store the numbers with .dataset.to_netcdf(path)"
         )
 
-    # -- what may be wrong -------------------------------------------------------------------------
+    # -- checks ------------------------------------------------------------------------------------
 
     def check_span(self, start: float, end: float) -> None:
         """Reject a span in which it is not defined.
@@ -258,7 +258,7 @@ class Signal(ABC):
         """
         if same_array(self.at(0.0), self.later(0.0)):
             return
-        # A function that jumps at s = 0 is periodic all the same if it says so beyond s = 1.
+        # A function that jumps at s = 0 is periodic if its values beyond s = 1 agree.
         for s in SAMPLE_PHASES[1:]:
             if not same_array(self.at(s), self.later(s)):
                 raise not_periodic(self.where, s)

@@ -209,7 +209,7 @@ class Multigrid:
         R = csr_array((R.value, R.column, R.start), shape=(len(coarse.x), len(law.r)))
         weights = abs(R)
         inner = Law(R @ law.r, weights @ law.lower, weights @ law.upper)
-        # Roughly: only to a part of what is wrong where nothing moves.
+        # With a loose tolerance: a fraction of the residual at rest.
         d = self._from_below(depth + 1, inner)
         at_rest, _ = distances(coarse, inner, np.zeros_like(d), coarse.rest)
         self._descend(depth + 1, inner, d, _NESTED * at_rest, _NESTED_CYCLES)

@@ -138,7 +138,7 @@ class Named:
     again: PeriodRule | None
 
 
-# Rules of what the engine sums up, and whether steps have to be followed again for them.
+# Rules of measures that the engine accumulates, and whether they need more than the knots.
 _SUMMED: dict[str, tuple[Rule, bool]] = {
     "period": (_period, False),
     "amplitude": (_amplitude, True),

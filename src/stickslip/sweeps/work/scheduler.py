@@ -137,7 +137,7 @@ class Pool:
         """Shut down the workers, or those of one executor; tasks that have not started are
         cancelled."""
         if self._executor is not None and executor in (None, self._executor):
-            # The executor of a cluster cancels what it does not wait for, without being asked.
+            # The executor of a cluster cancels pending tasks by default.
             options = {"cancel_futures": True} if self._client is None else {}
             self._executor.shutdown(wait=False, **options)
             self._executor = None
