@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import stickslip as ss
 from adversarial import branches
 from adversarial.families.branching import FAMILIES
 from adversarial.verdict import AGREED, WRONG
+from stickslip.orbits.branches import corner
 
 CHOSEN = [
     ("belt that rises", 0),
@@ -46,6 +48,36 @@ def test_branches_that_are_lost_are_certified(seed: int) -> None:
     assert isinstance(found, ss.Branch)
     assert found.certificate.ok, found.certificate.describe()
     assert not found.of_kind("boundary equilibrium")
+
+
+def test_a_branch_does_not_turn_back_at_a_corner() -> None:
+    """Beyond the corner the cycle slips throughout and is unstable, down to the Hopf point, where
+    damping and the slope of the friction force cancel."""
+    case = branches.draw("belt that falls", 33)
+    found = branches.branch_of(case)
+    assert isinstance(found, ss.Branch)
+    assert [point.kind for point in found.special] == ["stick onset", "fold", "Hopf"]
+    assert found.certificate.ok, found.certificate.describe()
+    p = case.parameters
+
+    def damping(V: float) -> float:
+        v = V / p["v_s"]
+        return p["c"] - 2.0 * (p["mu"] - p["F_k"]) * v / p["v_s"] / (1.0 + v**2) ** 2
+
+    hopf = brentq(damping, p["v_s"], 6.0)  # pyright: ignore[reportArgumentType]
+    assert found.of_kind("Hopf")[0].value == pytest.approx(hopf, rel=1e-9)
+    beyond = slice(found.special[0].index + 1, None)
+    assert not np.any(found.points["sticks"].values[beyond])
+    assert not np.any(found.points["stable"].values[beyond])
+
+
+def test_a_branch_that_turns_back_is_not_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Phases of stick appear and vanish only at special points."""
+    monkeypatch.setattr(corner, "_is_kept", lambda _: True)
+    found = branches.branch_of(branches.draw("belt that falls", 33))
+    assert isinstance(found, ss.Branch)
+    (wrong,) = [r for r in found.certificate.residuals if not r.ok]
+    assert wrong.name == "changes of stick without a special point"
 
 
 @pytest.mark.parametrize("seed", [5002, 5004])

@@ -410,10 +410,25 @@ def _onward(
             found = _beyond_along(chart, x, sense, length, here)
             if found is None or _unit(chart, found.x, found.towards) @ towards < _BACK:
                 continue
+            if not _is_kept(found):
+                continue
             if found.gap(x, chart.on_edge).ok:
                 return found
             nearest = nearest or found
     return nearest
+
+
+def _is_kept(found: BeyondCorner) -> bool:
+    """Return whether the next chart starts from a cycle with the same sequence.
+
+    Rounding errors grow along an unstable cycle: too near to a corner, another first state of it
+    has the sequence of the side that the branch comes from, and the branch would turn back.
+    """
+    chart, y, towards = renewed(found.chart, found.x, found.towards)
+    units = chart.scale(y)
+    tangent, _ = direction(chart, y, units, towards / units)
+    orbit = chart.orbit(_solved(chart, y, units, tangent))
+    return sequence(orbit.motion) == sequence(found.chart.orbit(found.x).motion)
 
 
 def _beyond_along(

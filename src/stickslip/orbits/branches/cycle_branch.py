@@ -18,7 +18,7 @@ import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.arrays import Array
-from stickslip.certificates import Residual, within
+from stickslip.certificates import Certificate, Residual, within
 from stickslip.errors import DeclarationError
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import (
@@ -84,6 +84,8 @@ _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is renewed
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 # what is not seen to vanish is followed to sizes that are smaller by this factor, …
+# special points at which phases neither appear nor vanish
+_SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 _SAME = 1e-6  # of the range, and of the size of a cycle: corners this near are one
 _SMALLER = 0.1
 _TINY = 1e-5  # … down to this part of the state
@@ -512,9 +514,21 @@ class _Follower:
             lambda: dataset([self.parameter], cycles, steps),
             special,
             ends,
-            with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
+            with_special(self._certificate(stations, steps), special),
             cycles=cycles,
         )
+
+    def _certificate(self, stations: list[_Station], steps: Array) -> Certificate:
+        """The certificate of the points; phases of stick may appear and vanish only at special
+        points."""
+        found = of_branch([s.cycle for s in stations], {self.parameter: self.span}, steps)
+        explained = [any(e.what.kind not in _SMOOTH for e in s.events) for s in stations]
+        changes = sum(
+            a.cycle.sticks != b.cycle.sticks and not (explained[i] or explained[i + 1])
+            for i, (a, b) in enumerate(itertools.pairwise(stations))
+        )
+        unexplained = Residual("changes of stick without a special point", float(changes), 0.0)
+        return replace(found, residuals=(*found.residuals, unexplained))
 
     def _apart(self, found: list[_Station]) -> list[_Station]:
         """The points of a branch with their distances, in units of the whole branch; points that
