@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from stickslip.model.entries.samples import Samples
     from stickslip.model.entries.tables import Table
 
-_DOTTED = 200  # samples that are shown as dots, too
-_BEYOND = 0.1  # part of a table's range that is drawn outside of it
+_DOTTED = 200  # up to so many samples are also shown as dots
+_BEYOND = 0.1  # of the range of a table: length of the extrapolation shown on each side
 _LEVELS, _FINE_GRID = 16, 200  # of a surface
 _FINE = 4000  # places between samples at which a curve is drawn
 

@@ -2,7 +2,7 @@
 potential.
 
 A :class:`System` holds texts and numbers only. Creating one checks the whole declaration
-(:mod:`stickslip.model.reading`), so a System that exists is a System that makes sense.
+(:mod:`stickslip.model.reading`): every existing System is valid.
 """
 
 from __future__ import annotations
@@ -72,13 +72,13 @@ class DefaultSpan(tuple[float, float]):
 
     def under(self, drives: Any) -> DefaultSpan:
         """The span under some drives."""
-        # What is no mapping is refused with the rest of the declaration.
+        # Other types are rejected with the rest of the declaration.
         table = cast("Mapping[str, Any]", drives if isinstance(drives, Mapping) else {})
         ending = [d for d in table.values() if isinstance(d, TimeFunction) and d.ends]
         if not ending:
             return DefaultSpan(self.otherwise)
         start, stop = max(d.span[0] for d in ending), min(d.span[1] for d in ending)
-        # What does not overlap covers no span, and is refused with this one.
+        # If drives do not overlap, this span is rejected with the declaration.
         return DefaultSpan((start, stop) if start < stop else self.otherwise, self.otherwise)
 
 
@@ -86,7 +86,7 @@ _SPAN = DefaultSpan((0.0, 100.0))
 
 
 def is_span_given(span: tuple[float, float]) -> bool:
-    """Whether the time span of a system is one that a user gave."""
+    """Return whether the time span of a system was given by the user."""
     return not isinstance(span, DefaultSpan)
 
 

@@ -32,7 +32,7 @@ from stickslip.symbolic.tape import (
 )
 from stickslip.translator.assembly import REAL, Register
 
-_MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take too long
+_MOST_PRODUCTS = 4000  # products that are unrolled: compiling more of them takes too long
 
 
 class LoopedSeries(Tabled, Series):
@@ -44,7 +44,7 @@ class LoopedSeries(Tabled, Series):
     real: Register
 
     def all_orders(self) -> None:
-        """Write the function: order 0, which is another matter, and the loop."""
+        """Write the function: order 0, then the loop over the other orders."""
         self.unit = self.load(REAL, self.place("W", self.clock, 1))
         self.loop(0, self.clock, self._start)
         self.put(self.clock, 0, self.arguments["t"])
@@ -71,8 +71,8 @@ class LoopedSeries(Tabled, Series):
 
     @cached_property
     def groups(self) -> list[tuple[Instruction, list[Pattern]]]:
-        """Instructions that do not need each other: one for all that differ in numbers alone, with
-        these; few are left alone."""
+        """Groups of independent instructions that differ only in their numbers: one instruction for
+        all, with these numbers. Small groups are not merged."""
         tape = self.layout.instructions
         patterns = [pattern_of_instruction(i, self.constants, self.clock) for i in tape]
         known = dict[int, int]()
@@ -121,7 +121,8 @@ class LoopedSeries(Tabled, Series):
         return values
 
     def get(self, row: int, k: Order) -> Operand:
-        """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
+        """A coefficient: just computed, of order 0, or from memory. Of time, only order 1 differs
+        from zero."""
         if (row, k) not in self.known:
             if row == self.clock:
                 return self.select(self.compare("eq", k, 1), self.unit, 0.0)

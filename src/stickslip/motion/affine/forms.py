@@ -52,8 +52,8 @@ class ClosedForms(NamedTuple):
     status, key, own : arrays of int
         UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
     counts : array of int, shape (·, 3)
-        Numbers of EXPONENTS and of GUARDS, and how many of these are SEARCHED: no flight goes on
-        where the others may fall.
+        Numbers of EXPONENTS and of GUARDS, and how many of these are SEARCHED: flights stop
+        where the others may decrease to zero.
     pace : array
         Time, a power of two, near the shortest of the mode.
     S : array

@@ -28,7 +28,7 @@ from stickslip.symbolic.tape import Op
 from stickslip.translator import compiled
 
 _RECIPROCAL, _EXP = int(Op.RECIPROCAL), int(Op.EXP)
-_LARGE = 700.0  # what the exponential function can take
+_LARGE = 700.0  # arguments for which the exponential function does not overflow
 
 
 @compiled()
@@ -61,7 +61,7 @@ def add_terms(tape: DiscTape, i: int) -> None:
     ball += own
     near = 0.0
     if not abs(W[row, 0]) > ball + off:
-        # One term may be larger than all others together.
+        # If one term exceeds the sum of all others, the sum stays away from zero.
         for j in range(first, last):
             if p.term_row[j] >= 0:
                 others = abs(factor(p, K, j)) * discs[p.term_row[j], AT_LEAST]

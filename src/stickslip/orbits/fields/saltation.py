@@ -49,16 +49,16 @@ _UNEXPLAINED = "the impulses do not depend smoothly on the state before the impa
 _AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
 _CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
 _TOO_MANY = "the sequence of impacts does not end"
-_MOST_TURNS = 400  # impacts in turn
-_NONE_LEFT = 1e-28  # part of the energy of the first approach below which there is none
-_EQUAL = 1e-8  # part by which energies of approach are equal
+_MOST_TURNS = 400  # sequential impacts
+_NONE_LEFT = 1e-28  # energy of an approach, relative to the first one, that counts as zero
+_EQUAL = 1e-8  # relative difference of energies of approach that counts as zero
 _MOST_COMPARED = 128  # modes of an impact
-_CORNER = 1e-9  # part of a jump by which modes that meet may miss it
-_APART = 1e-6  # part by which their derivatives differ then
-_CLOSED = 1e-10  # part of the places that a gap may be and is closed
-_SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
-_EXACT = 1e-11  # … and what is no miss
-_MOST_MODES = 4096  # of an impact that are tried
+_CORNER = 1e-9  # relative error of a jump up to which two modes are both considered to explain it …
+_APART = 1e-6  # … and relative difference of their derivatives above which they are different
+_CLOSED = 1e-10  # gap, relative to the coordinates, below which a contact is closed
+_SAME = 1e-7  # error of a jump, relative to the velocities, that is accepted …
+_EXACT = 1e-11  # … and that counts as zero
+_MOST_MODES = 4096  # modes of an impact that are tried
 
 
 class Landing(NamedTuple):
@@ -163,7 +163,7 @@ def saltation(
         return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
-    # what is taken together ends later than it begins
+    # a group of impacts that are treated together has a duration
     several = event.last > event.knot
     after = found.after if several else k.state[event.knot]
     late = right.rates(t, after, p) - D @ here.rates - found.time

@@ -20,9 +20,9 @@ from stickslip.orbits.studies.swinging import ValuesAndRates
 
 _PIECES = 8  # of a step, at first
 _PIECES_OF_ALL = 256  # of the whole motion, at first
-_BETWEEN = 0.3819660112501051  # where a cubic is compared; no whole part, so that no wave is missed
-_MISSES = 0.02  # a cubic that misses by less, relative to the velocity, is followed
-_NEAR = 0.1  # a velocity that comes this near to zero, relative to its size, is looked at
+_BETWEEN = 0.3819660112501051  # where a cubic is compared: irrational, to avoid aliasing
+_MISSES = 0.02  # error of a cubic, relative to the velocity, up to which it is used
+_NEAR = 0.1  # a minimum of the velocity below this part of its size is evaluated
 _ZERO = 1e-11  # velocities below this part of the largest one are zero
 _ROOT = 4.0 * np.finfo(float).eps  # relative
 

@@ -11,8 +11,8 @@ from stickslip.arrays import Array
 from stickslip.numerics.levels import ENERGY_SCALE, ROUNDING
 from stickslip.rate_independent.play.nodes import PlayBounds, Sample
 
-_CHUNK = 2**12  # intervals at once: what fits into the cache
-# between floating-point numbers: rounding of a time, and of what is computed from it
+_CHUNK = 2**12  # intervals that are evaluated together: their arrays fit into the cache
+# rounding errors of a time and of quantities computed from it, in units in the last place
 _SPACINGS = 4.0
 
 
@@ -130,7 +130,7 @@ class PlayMotion:
         energy_blur = float(np.sum(np.minimum(rounding, 1.0) * (dissipated + modulus)))
         gap_blur = float(np.max(np.minimum(rounding, 1.0) * np.abs(np.diff(position))))
         excess, blur, force = self._violations()
-        # The force is a difference of the load and a z, known to the rounding of these.
+        # The force is the difference of the load and a z, and has the rounding errors of both.
         largest = float(np.max(np.abs([before, after])))
         excess = max(excess - ROUNDING * largest, 0.0)
         force = max(force, ENERGY_SCALE * largest)
@@ -155,8 +155,7 @@ class PlayMotion:
         x, _ = np.polynomial.legendre.leggauss(3)
         for first in range(0, len(self.mode), _CHUNK):
             k = np.arange(first, min(first + _CHUNK, len(self.mode)))
-            # Inside an interval of a few roundings there is no time that is safely on its side of a
-            # jump.
+            # In intervals of a few units in the last place, rounding may move a time across a jump.
             k = k[np.diff(self.time)[k] > 64.0 * np.spacing(np.abs(self.time[k]))]
             t = self.middle(k) + 0.5 * (self.time[k + 1] - self.time[k]) * x[:, None]
             load, minus, plus = (signal.source(signal.clock(t)) for signal in self.bounds.signals)
