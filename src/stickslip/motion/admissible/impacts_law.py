@@ -69,8 +69,8 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # HOLDS_FORWARD and HOLDS_BACK how much friction holds.
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
 NEAR, MODE_BEFORE, CHOSEN = range(3)
-MOST_MODES = 65536  # that are ever tried
-_MOST_TURNS = 60  # of directions in planes
+MOST_MODES = 65536  # largest number of modes that are tried
+_MOST_TURNS = 60  # largest number of iterations for the directions in planes
 _HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
@@ -282,7 +282,7 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
             continue
         # All that press a contact in a plane do it with one coefficient.
         pressed = friction_of(rows, work, FORWARD, c) / f
-        # w + D n, which is the same whatever n is
+        # w + D n, the same for every n
         n, m = work[SENSE, c], work[SENSE, o]
         a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
         x = f * moved_on(work, c) + a * n + b * m

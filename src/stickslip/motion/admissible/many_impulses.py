@@ -76,7 +76,8 @@ _FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
 _EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
 _EXACT, _NEARLY, _HOLDS = 1e-15, 1e-12, 1e-10
 _STRAIGHT = 1e-3  # turn of slips in planes that is small
-_REGULAR = 1e-12  # of the product of its diagonal: the determinant of two contacts that differ
+# smallest determinant of two distinct contacts, relative to the product of its diagonal
+_REGULAR = 1e-12
 
 
 @compiled()
@@ -374,7 +375,7 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
             system[row, k] = 0.0
         moved = moved_on(work, c)
         if mode[c] != 0:
-            # what is left across a slip in a plane
+            # change of velocity that remains across a slip in a plane
             o = second_of(rows, c)
             f, g = axes_of(rows, space, c)
             moved = g * work[SENSE, c] * moved_on(work, o) - f * work[SENSE, o] * moved
@@ -534,7 +535,7 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
     work = space.impact
     moved = moved_on(work, c)
     found = mode[c]
-    # What rubs under normal forces that have no impulse has any mode.
+    # Friction under normal forces without an impulse may have any mode.
     if not is_free(rows, space.tried, mode, c):
         if len(directions_of(rows, c)) > 1:
             found = right_mode_in_plane(rows, space, mode, c, strong, fast)

@@ -40,7 +40,7 @@ from stickslip.translator import compiled
 
 _FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
 MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
-_MOST_TURNS = 200  # of Newton's method
+_MOST_TURNS = 200  # largest number of Newton iterations
 _LONGEST = 4.0  # of its steps, in parts of what is reached
 _CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
 _SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
@@ -132,7 +132,7 @@ def overload(
         off = 0.0
         for r in range(rank):
             off = max(off, abs(slope[r]))
-        # Far outside, no more is asked of the mechanism.
+        # Far outside, the mechanism is not needed more accurately.
         enough = max(_SETTLED, _CRUDE * (found - 1.0))
         if off <= enough * size or not invert(space.bend, rank, space.unbent):
             break

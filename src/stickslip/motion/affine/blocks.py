@@ -24,7 +24,8 @@ _SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divide
 _REAL = 1e-12  # imaginary part of an eigenvalue, relative to the largest, that is rounding
 _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
 # Rounding where a zero belongs would make every signal look as if it had all parts.
-_ABSENT = 4e-15  # of the largest component of an eigenvector
+# relative to the largest component of an eigenvector: smaller components are regarded as zero
+_ABSENT = 4e-15
 
 
 @compiled()

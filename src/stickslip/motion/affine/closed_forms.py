@@ -359,7 +359,7 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
     for b in range(blocks):
         r = T.R[slot, b]
         value = T.exponent[slot, b]
-        # What drives w: coefficients of the components that are still, and of e.
+        # Forcing of w: coefficients of the components that are constant, and of e.
         for j in range(len(r)):
             if j < n and w.moving[j] == 1:
                 w.ramp[b, j] = complex(0.0, 0.0)

@@ -208,15 +208,15 @@ def leading_terms(
                 terms += abs(term)
             if k == 0:
                 f.value[g], f.terms[g] = value, terms
-            # What is far from zero, or as close to it as rounding makes it, needs no exact account
-            # of its terms.
+            # A value far from zero, or within rounding errors of it, needs no exact bound on its
+            # terms.
             bound = reach[g, k] + near * reach[g, k + 1]
             if abs(value) > ROUNDING * _FIRED_ROUNDINGS * largest * bound:
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
                 just = k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired
-                # Where a slip has ended, its velocity is zero by definition, not its force.
+                # At the end of a slip the velocity is zero by definition, the force is not.
                 if just and (fired < kinks or not stops(form, settled, fired - kinks)):
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
@@ -377,7 +377,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             f.kind[g] = _WAVE
             size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
-                # where the cosine falls
+                # the time at which the cosine decreases through the level
                 angle = rough_acos(-c0 / size) - form.angle[g, lead] - f.phase[lead]
                 f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[
                     lead

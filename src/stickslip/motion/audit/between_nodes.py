@@ -263,7 +263,7 @@ def encloses(
         held = max(CANCELLED_PART * force_terms(rows, mag, c), tally.law[c, LARGEST_FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
-        # What nothing presses has no friction, but for rounding errors.
+        # A contact without normal force has no friction, up to rounding errors.
         loose = is_loose(rows, mode, c)
         for row in forces:
             if not loose and not deviation_bound(discs[row], factor) <= NEGLIGIBLE_PART * held:

@@ -117,7 +117,8 @@ def sample_plane(
     if plane[MASSIVE] == 1:
         law[c, SPEED_HELD] = most(law[c, SPEED_HELD], whole_rate(rows, mag, c) * h)
     elif is_rate_independent(rows, c):
-        # What slides without mass or viscosity has the force s, by nothing but its place.
+        # A contact that slides without mass or viscosity has the force s, which depends on its
+        # position only.
         held = V[plane[STATIC], 0] ** 2 - V[plane[ADMISSIBLE], 0]
         off = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
         samples[samples_of(rows, block[1]), g] = off

@@ -88,7 +88,7 @@ def states_in_flights(
         least = 0.0 if slot is None else max(_LONG, apart * len(own)) * float(T.shortest[slot])
         if slot is None or not lengths[i] > least > 0.0:
             continue
-        begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
+        begin = float(knots.clock[i])  # origin of the time of the drives, here as in flights
         tau = clock[own] - knots.clock[i]
         waves: AnyArray = np.exp(1j * omega * begin)
         s = np.concatenate(

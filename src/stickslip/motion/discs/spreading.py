@@ -65,9 +65,10 @@ from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import RELAXED, compiled
 
 _WIDER = 1.05  # factor between what bounds such a rate and what is tried
-_TURNS = 6  # of an enclosure of a rate that solves an equation
-_SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
-_WIDENED = 1e-4  # by which bounds grow beyond what is needed, so that few rounds settle them
+_TURNS = 6  # largest number of iterations for an enclosure of a rate that solves an equation
+# largest number of iterations for bounds of the rates of the rate-independent coordinates
+_SWEEPS = 40
+_WIDENED = 1e-4  # relative amount by which bounds are widened, so that few iterations suffice
 
 
 @compiled()

@@ -94,7 +94,7 @@ _LOOK, _LOOK_IN_PLANE = 64, 16
 # Rounding errors below which a slip has come to rest: more than those of its speed at the end of a
 # step, so that no slip is at rest where the next step begins.
 _AT_REST = 2.0
-_CUT = 0.25  # of a step that did not solve the equations
+_CUT = 0.25  # factor by which a step that did not solve the equations is shortened
 
 
 class Before(NamedTuple):

@@ -57,8 +57,9 @@ from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
 
 _MOST_CANDIDATES = 60000
-_SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
-# what may be said of a mode instead of the number of a violated guard
+# largest factor on rounding errors regarded as zero, if no mode is admissible with less
+_SLACKEST = 1e6
+# results for a mode other than the number of a violated guard
 _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
@@ -216,7 +217,7 @@ def try_mode(
         keep_rates(flow)
     step = series
     length = h
-    # Where a slip in a plane is slow, discs cut what is stiff as well.
+    # If a slip in a plane is slow, discs shorten stiff steps as well.
     whole = not step < h or slides_in_plane(flow.rows, mode)
     stiff = quiet and whole and is_implicit_due(flow, lane, step, room)
     if stiff:
@@ -301,8 +302,7 @@ def choose_next(
     """
     nk = len(reg)
     if candidate == total:
-        # Where forces are not unique, contacts that pivoting never questioned may have to change,
-        # too.
+        # If forces are not unique, contacts that pivoting never changed may have to change, too.
         asked = 0
         for c in range(len(mode)):
             asked += 1 - touched[nk + c]
@@ -312,8 +312,9 @@ def choose_next(
             # A contact may be so close to two modes that rounding denies it both.
             slack *= 1e2
             if slack > _SLACKEST and breaks == 1:
-                # What has broken its threshold may let others stick by its smaller force. It comes
-                # last: what rounding has denied to stick has broken nothing.
+                # A contact that has broken its threshold may let others stick by its smaller force.
+                # This comes last: a contact that cannot stick because of rounding errors has broken
+                # nothing.
                 slack = 1.0
                 breaks = 0
         candidate = 0

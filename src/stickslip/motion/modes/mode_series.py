@@ -51,7 +51,7 @@ from stickslip.motion.steps.step_size import COARSER, FAINT, LEAST_SIZE, better,
 from stickslip.numerics.levels import EPSILON, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-_PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
+_PAST = 1.0625  # end of the step that contains a kink, relative to the time to the kink
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
 _LOOSER = 1e4  # tolerances by which rates at the end of a step may differ from the predicted ones

@@ -139,7 +139,7 @@ def release_or_hold(
             stop(flow, W, at.y, mode, c)
     for c in rows.openings:
         if mode[c] == 0:
-            # What is closed stays on the surface itself, too.
+            # A closed contact stays on the surface itself, too.
             part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
             distance = W[rows.gaps[c], 0]
@@ -195,7 +195,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
         if rows.beside[c] == 1:
-            # What is left of rounding errors, in any direction, is nothing. The others may move
+            # A remainder within rounding errors, in any direction, is zero. The others may move
             # coordinates of another part only.
             size = 0.0
             left = 0.0

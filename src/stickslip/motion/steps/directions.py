@@ -119,7 +119,7 @@ def follow_directions(
         speed = slip_speed(rows, mode, W, p)
         across, longer = 0.0, 0.0
         power = x**N
-        # Without mass Au follows from the direction, and says nothing of it.
+        # Without mass Au follows from the direction and does not determine it.
         asked = speed > 0.0
         for k in range(N, 2 * N - 1 if asked else 0):
             length = 0.0

@@ -262,7 +262,8 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
         refined = refine_aim(machine, flow, at, table, rank, size)
     if refined and (not bends or respond_at(machine, flow, at, table, True) == OK):
         return rank
-    # What lacks most of its friction does not begin, nor does what the others do not let move.
+    # A contact whose force is far below its threshold does not begin, nor does one that the others
+    # do not let move.
     if size > 0.0:
         rounded_off(machine, flow, at, table, rank, tried, rounded, True, right)
     for p in range(len(rows.planes)):
@@ -591,7 +592,7 @@ def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
         way[r] = onset[_FIRST + r, 0]
     others = place_face(flow, rank, way) if leading != 1 else rank - 1
     number = rank - others
-    # What the first turn finds in a face bends the directions of the second.
+    # The result of the first iteration in a face changes the directions of the second.
     for _ in range(1 if number == 1 else 2):
         for r in range(rank):
             way[r] = onset[_FIRST + r, 0]

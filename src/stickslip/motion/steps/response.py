@@ -249,7 +249,7 @@ def span_rates(flow: Flow) -> int:
         for i in range(n):
             span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
             size = max(size, abs(span[rank, i]))
-        # What the body cannot do is answered by rounding errors.
+        # The response in a direction in which the body cannot move is a rounding error.
         if size > _ANSWERED * largest and is_new(n, span, rank, NEW_DIRECTION):
             rank += 1
     return rank

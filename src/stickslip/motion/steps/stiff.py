@@ -67,8 +67,9 @@ from stickslip.motion.steps.step_size import (
 from stickslip.numerics.levels import EPSILON, INSTANT
 from stickslip.translator import compiled
 
-_AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that is
-_COARSER = 1e3  # of tolerances with which a motion is followed again: those that found it
+_AT_THE_END = 1e-3  # fraction of a step that ends a slip: distance to its end regarded as close
+# factor on the tolerances when a motion is recomputed, relative to those that found it
+_COARSER = 1e3
 # tolerances that the terms of a third of the order may have where a step is bounded by what decays
 _CALM = 1e5
 # rounding errors of forces in the time of a series, to which what is zero by symmetry amounts in
@@ -108,7 +109,8 @@ def vanishing(flow: Flow, r: int, h: float, tol: float, atol: float, seen: Array
     W, mag = flow.space.W, flow.space.mag
     x = h / W[flow.rows.sizes[DIMENSION], 1]
     size = abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r]
-    # What stays zero by symmetry is the rounding errors of the forces, which decay at all rates.
+    # A component that stays zero by symmetry has the rounding errors of the forces, which decay at
+    # all rates.
     return float(_CALM * tol * size + _LOST * EPSILON * impulse(flow.rows, mag, r, h))
 
 
@@ -207,8 +209,8 @@ def follow_mode(
     """
     N = flow.order
     n = flow.rows.sizes[DIMENSION]
-    # Where a step goes on, what decays by finer ones may be the rounding errors of where its last
-    # piece ended.
+    # When a step is continued, finer steps may only damp the rounding errors at the end of its last
+    # piece.
     coarser = _COARSER if last > 0.0 else 1.0
     tol, atol = coarser * flow.tol, coarser * flow.atol
     before = last
@@ -219,7 +221,7 @@ def follow_mode(
             return order, room, room
         least = cost_in_series(n) * h
         if before > least:
-            # the piece before was no series, whose length would tell what may change in one
+            # the previous piece was not a series, whose length would bound the change in one step
             before = h
             continue
         if step == 0.0 or not (
