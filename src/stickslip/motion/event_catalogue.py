@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
-_MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
+_MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the moment
 _LOOKS = 33  # samples of a step
-_MOST_STEPS = 10_000_000  # events of a motion that is followed again
+_MOST_STEPS = 10_000_000  # largest number of events of a motion that is recomputed
 
 
 @dataclass(frozen=True, eq=False, repr=False)

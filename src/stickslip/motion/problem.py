@@ -55,7 +55,7 @@ class _WorkSpaces(threading.local):
     flight: Flight | None = None
 
     def __reduce__(self) -> tuple[type[_WorkSpaces], tuple[()]]:
-        # Each problem has exclusive use of its work space.
+        # A copy starts with an empty work space: the contents are temporary.
         return _WorkSpaces, ()
 
 

@@ -38,12 +38,12 @@ from stickslip.motion.steps.sets import (
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
-_FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
-MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
+_FAR = 1e4  # size of the mechanism above which the contacts that do not move are known
+MOVES = 1e-3  # fraction of the largest speed above which a contact begins to slip, too
 _MOST_TURNS = 200  # largest number of Newton iterations
-_LONGEST = 4.0  # of its steps, in parts of what is reached
-_CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
-_SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
+_LONGEST = 4.0  # largest length of a Newton step, relative to the point reached
+_CRUDE = 1e-4  # accuracy of the mechanism that begins, relative to the excess of the load
+_SETTLED = 1e-15  # largest relative error of the sum of the forces
 # Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
 # and radii, work space, the guard of the mechanism that begins, that mechanism, and the one against
 # which friction was weakest so far.
@@ -87,7 +87,7 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     for c in inertial_contacts(rows):
         if sticks_in(rows, mode, c, group):
             a, b = given_force(flow, c, aside[GIVEN_FORCES])
-            # of faces it is asked in the other way
+            # for faces the test is reversed
             if not force_outside(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
     return True

@@ -24,7 +24,7 @@ from stickslip.translator import compiled
 LASTED, STUCK = range(2)
 """Slots of :attr:`Sums.total`."""
 
-_LEFT, _WIDTH = 33, 34  # ends of an interval, stored after its Bernstein coefficients
+_LEFT, _WIDTH = 33, 34  # left end and width of an interval, stored after its Bernstein coefficients
 _DEEPEST = 40  # halvings
 
 

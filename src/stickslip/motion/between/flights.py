@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
     from stickslip.motion.record.knots import Knots
 
-_LONG = 100.0  # shortest times in a flight that is worth it
-APART = 150.0  # … between the times in it, where work is asked for
+# shortest length of a flight, in times of its fastest term, for which a closed form pays
+_LONG = 100.0
+APART = 150.0  # the same per requested time in it, if work is requested
 
 
 def known_forms(problem: Problem, knots: Knots) -> ClosedForms:

@@ -60,11 +60,11 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import FIRED, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-_NOTHING = 1e-250  # a velocity, or a place, that is none in any units
-_MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
-_WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
-_LOOSELY = 1e-3  # of the tolerance, where that is loose
-_TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
+_NOTHING = 1e-250  # velocity or position regarded as zero in any units
+_MOST_STOPS = 24  # projections after which rounding errors underflow
+_WIDE = 4.0  # factor on rounding errors: a velocity that is zero for slip is zero for stick as well
+_LOOSELY = 1e-3  # fraction of the tolerance, if that is loose
+_TOUCHING = 1e-12  # relative to the size of a gap and its change in a step: smaller gaps are zero
 
 
 @compiled(brief=True)

@@ -92,7 +92,7 @@ WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
-EMPTY_WORD = 1  # hash of the word of a motion without modes
+EMPTY_WORD = 1  # word of a motion that has not entered a mode
 
 
 class Rows(NamedTuple):

@@ -86,7 +86,8 @@ _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 # what is not seen to vanish is followed to sizes that are smaller by this factor, …
 # special points at which phases neither appear nor vanish
 _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
-_SAME = 1e-6  # of the range, and of the size of a cycle: corners this near are one
+# corners this near, relative to the range and the size of a cycle, are regarded as one
+_SAME = 1e-6
 _SMALLER = 0.1
 _TINY = 1e-5  # … down to this part of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
@@ -402,7 +403,7 @@ class _Follower:
             return f"the cycle grows without bound, to {grown:.3g} times the initial state"
         smooth = len(cycle.phases) == 1
         if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
-            # What drives it vanishes, and the cycle in proportion.
+            # Its excitation vanishes, and the cycle in proportion.
             value, _ = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]
             about = round(value / width, 4) * width

@@ -427,7 +427,7 @@ class _Follower:
                 if "fold" in names and any(
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
-                    names.remove("fold")  # where branches cross, one of them may turn
+                    names.remove("fold")  # one of two branches that cross may turn
                 found.append(
                     Station(
                         piece.steady,

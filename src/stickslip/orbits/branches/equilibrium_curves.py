@@ -534,7 +534,7 @@ def _hopf_problem(curve: _Curve) -> _Extended:
     eigenvalue, q = critical_pair(derivatives(curve.y, steady.values)[0])
     first = q.real / np.linalg.norm(q.real)
     other = q.imag - (q.imag @ first) * first
-    # Of the plane of v, the direction across the first v is shut out.
+    # In the plane of v, the direction perpendicular to the first v is excluded.
     across = ex.add(*((x, float(w)) for x, w in zip(v, other / np.linalg.norm(other), strict=True)))
     twice = curve.image(curve.image(v))
     residual = curve.extended(

@@ -18,7 +18,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_SAMPLES = 64  # of a drive in a period, for its first harmonic
+_SAMPLES = 64  # samples of a drive in a period, for its first harmonic
 
 
 def read_drive(system: System, coordinate: str, drive: str | None = None) -> tuple[str, Expr]:

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_STEPS = 64  # of the motion between two normalisations
+_STEPS = 64  # steps of the motion between two normalisations
 _MOST = 256  # stretches that are looked at, from the end
 _BLOCKS = 8  # parts of the motion whose exponents are compared
 _CERTAIN = 3.0  # standard errors by which an exponent is positive
-_FORGOTTEN = 1e-12  # what is left of a change of unit size that contacts in stick have erased
+_FORGOTTEN = 1e-12  # size of a change of unit size after sticking contacts have removed it
 
 
 @dataclass(frozen=True)

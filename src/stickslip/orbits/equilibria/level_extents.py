@@ -97,7 +97,7 @@ class _Extents:
         low, high = found.low[which, every], found.high[which, every]
         down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
         lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
-        # The least value of −f is minus the largest of f.
+        # The minimum of −f is minus the maximum of f.
         return Enclosures(
             np.where(up, low, -high)[None],
             np.where(up, high, -low)[None],

@@ -121,7 +121,7 @@ class Reading:
         phases, free, turned = self._turned(states, values)
         if not np.any(turned):
             return np.zeros((len(states), 0))
-        # As many independent phases as there are turn by a whole number each; the others follow.
+        # A maximal set of independent phases turns by whole numbers; the others follow.
         first = list[int]()
         for i in np.argsort(-np.max(np.abs(turned), axis=1, initial=0.0), kind="stable"):
             row = turned[i] - turned[first].T @ _solved(turned[first].T, turned[i])

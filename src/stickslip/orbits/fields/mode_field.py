@@ -27,7 +27,7 @@ from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_MOST_PIECES = 256  # of a system that are remembered
+_MOST_PIECES = 256  # largest number of cached pieces of a system
 _DEPENDENT = 1e-9  # part of its size by which a gradient may miss the span of others
 
 

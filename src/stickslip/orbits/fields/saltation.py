@@ -531,7 +531,7 @@ def _is_corner(
         except ZeroDivisionError:
             continue
         if float(np.max(np.abs(found.after - after))) <= size:
-            # of neighbours that keep what is closed closed
+            # for neighbours that keep closed contacts closed
             apart = found.slopes - landing.slopes
             if len(bounds):
                 apart = apart - np.linalg.lstsq(bounds.T, apart.T, rcond=None)[0].T @ bounds
@@ -550,7 +550,7 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
             sliding += 2, -2
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
-        # What takes no part rubs in no way, and components slip together.
+        # A contact that does not take part has a single mode, and components slip together.
         apart = any(len({mode[i] for i in own}) > 1 for own in equations.directions.values())
         if not apart and all(
             mode[i] == 1

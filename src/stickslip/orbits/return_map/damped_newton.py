@@ -33,7 +33,7 @@ NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is ze
 _STATIONS = (1, 4, 16)  # tried one after the other
 _LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
 _ACROSS = 0.1  # cosine of what is nearly a right angle
-_SAMPLES = 64  # of a period, that are kept
+_SAMPLES = 64  # samples of a period that are stored
 _GROWTH = 1e4  # perturbations grow by at most this much between two stations
 
 
@@ -158,8 +158,8 @@ def _shortened(
 def largest_growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
     n = len(orbit.shift)
-    # Where the state is a function of time alone, as that of a slipping rate-independent contact,
-    # nothing grows.
+    # If the state is a function of time alone, as for a slipping rate-independent contact,
+    # perturbations do not grow.
     largest = []
     for leg in orbit.legs:
         directions = leg.place.directions

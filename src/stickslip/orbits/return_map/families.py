@@ -28,7 +28,7 @@ from stickslip.orbits.return_map.shooting import Orbit, Shooting
 _SLOW = 1e-2
 _CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
 _EXACT = 1e-11  # members of a family close up to this part of their size
-_SHOWN = 1e-6  # of its largest component: what messages show of a direction
+_SHOWN = 1e-6  # components of a direction that messages show, relative to the largest
 # members are looked for so far away, in units of the size of the cycle
 _AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 

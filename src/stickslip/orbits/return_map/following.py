@@ -14,7 +14,7 @@ from stickslip.motion.problem import Problem
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-MOST_EVENTS = 100_000  # of one period
+MOST_EVENTS = 100_000  # largest number of events of one period
 _FLIGHT = 60.0  # shortest times in a flight from which on it is worth a closed form for one motion
 
 

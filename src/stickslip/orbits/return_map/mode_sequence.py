@@ -299,8 +299,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
     # Steps may be so short that nodes are at the same time.
     lowest &= (np.diff(times)[:-1] > 0.0) & (np.diff(times)[1:] > 0.0)
-    # What vanishes where the phase begins or ends has rounding errors for minima there; so has a
-    # slip in a plane that passes through rest, as it does for neighbours, too.
+    # A guard that vanishes at the start or end of the phase has minima there that are rounding
+    # errors; so has a slip in a plane that passes through rest, as it does for neighbours, too.
     breaks: list[list[float]] = [[] for _ in scales]
     if piece.field.planes and b > a + 1:
         knots = slice(a + 1, b)
@@ -320,7 +320,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest[[int(switch) in carried for switch in piece.switches]] = False
     kinks = len(piece.field.region)
     shared = [int(switch) - kinks in piece.field.shared for switch in piece.switches]
-    # Where the least forces do not hold, others do.
+    # If the forces of minimum norm do not hold, others do.
     lowest[shared] &= here[shared] > 0.0
 
     def at(row: int, i: int) -> Dip:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _GRID = 201  # times, unless they are given
 _KEEPS = 1e-10  # part of its terms by which a change may break a constraint
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
-_FINE_RTOL = 1e-12  # of motions that are differenced
+_FINE_RTOL = 1e-12  # relative tolerance of motions for numerical derivatives
 
 
 @dataclass(frozen=True)

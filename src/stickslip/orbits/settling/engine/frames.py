@@ -10,8 +10,8 @@ from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.numerics.levels import RANK
 from stickslip.translator import compiled
 
-_FITS = 1e-9  # by how much a row may fail, relative to its size
-_SEEN = 1e-12  # of the largest velocity
+_FITS = 1e-9  # largest residual of a row relative to its size
+_SEEN = 1e-12  # velocities below this fraction of the largest are regarded as zero
 
 
 @compiled()
