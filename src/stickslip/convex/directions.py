@@ -153,7 +153,7 @@ def _positive_semidefinite(upper: Sequence[Box], size: int) -> NDArray[np.bool_]
     """Whether all matrices in boxes are, given the boxes of their upper triangles."""
     rows, columns = np.triu_indices(size)
     bounds = np.stack(upper)  # (entries, 2, boxes)
-    # Where second derivatives are unbounded, slopes may jump.
+    # If second derivatives are unbounded, slopes may jump.
     finite = np.isfinite(bounds).all(axis=(0, 1))
     if size == 1:
         return finite & (bounds[0, 0] >= 0.0)

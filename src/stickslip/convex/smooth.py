@@ -16,9 +16,9 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_ANGLES = 1440  # of a circle, between which a jump of the gradient is looked for
-_ARCS = 12  # that are looked into
-_PLANES = 9  # circles beside those of pairs of axes, of three components
+_ANGLES = 1440  # samples of a circle, between which a jump of the gradient is searched for
+_ARCS = 12  # number of arcs that are refined
+_PLANES = 9  # additional circles besides those of pairs of axes, for three components
 _HALVINGS = 44
 _JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
 _LARGEST = 1e150

@@ -184,8 +184,8 @@ class _Contacts:
         others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
         if any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others):
             return  # both sides of a constraint
-        # If all terms of the gap are small the largest coordinate sets the scale, so that rounding
-        # errors of the state are no overlap.
+        # If all terms of the gap are small, the largest coordinate sets the scale, so that rounding
+        # errors of the state are not regarded as an overlap.
         most = max(abs(self.reader.start[q]) for q in self.result.inertial)
         size = max(size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST)
         if here < -BODIES_OVERLAP * size:

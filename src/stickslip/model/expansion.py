@@ -249,7 +249,7 @@ class Expansion:
         if meant.symbols <= self.system.parameters.keys():
             parse_range(interval, where).check(ex.evaluate(meant, self.system.values), where)
         if meant is ex.ZERO:
-            return "0"  # what it multiplies is not there, and not shown
+            return "0"  # the term that it multiplies is absent and not shown
         if isinstance(value, str) and NAME.match(value.strip()):
             name = value.strip()
         else:

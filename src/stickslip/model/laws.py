@@ -26,8 +26,8 @@ _SHARES = {
     "F_c": (0.3, 0.4, 0.3),
     "k": (0.6, 0.3, 0.1),
     "F": (1.4, 1.15, 0.9, 1.0, 1.2),
-}  # of the elements, or the points, of an example
-_SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # of these points, in its largest speed
+}  # fractions of the sums over the elements, or of the forces at the points, of an example
+_SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # speeds of these points, in units of the largest speed
 
 
 @dataclass(frozen=True)

@@ -456,7 +456,7 @@ class DeclarationReader:
             **dict.fromkeys(forces | (found.keys() - names.keys()), of_state),
             **dict.fromkeys(("dissipated_energy", "supplied_energy"), summed),
         }
-        # What is declared has its name first.
+        # Declared names have precedence.
         own = {*self.motion.names, *self.definitions}
         return Scope(
             {**{name: e for name, e in names.items() if name not in own}, **self.motion.names},

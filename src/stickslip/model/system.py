@@ -282,7 +282,7 @@ class System:
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
         rest = start_of(self.written_structures, {**self.initial, **zero})
         found: dict[str, Any] = {}
-        # Amplitudes of modes are linear in the values, whatever these are.
+        # Amplitudes of modes are linear in the values.
         for name in unknowns:
             for mode, slope in self.start_slope(name).items():
                 if mode not in self.initial:

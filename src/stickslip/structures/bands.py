@@ -19,7 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.structures.fronts import Eliminated, factored_in_fronts
 
-_WIDEST = 96  # of a band that is eliminated as one: half its width
+_WIDEST = 96  # largest half bandwidth of a matrix that is eliminated as a band
 _TOGETHER = 32  # unknowns, at least, of a block of a matrix that has pivots of both signs
 
 

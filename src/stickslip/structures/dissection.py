@@ -105,7 +105,8 @@ def _compressed(matrix: Any) -> tuple[Array, Array, Any]:
 
     n = matrix.shape[0]
     ones = csc_array((np.ones(matrix.nnz, dtype=np.int64), matrix.indices, matrix.indptr), (n, n))
-    marks = np.random.default_rng(0).integers(1, 2**62, n)  # sums tell sets apart
+    # hash: different sets have different sums
+    marks = np.random.default_rng(0).integers(1, 2**62, n)
     _, first, group = np.unique(ones @ marks, return_index=True, return_inverse=True)
     edges = ones if len(first) == n else ones[first][:, first].tocsc()
     if len(first) == n:

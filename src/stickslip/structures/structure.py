@@ -387,7 +387,8 @@ class Structure:
 
         return packed_structure(self)
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- summaries
+    # -----------------------------------------------------------------------------------
 
     @cached_property
     def digest(self) -> str:

@@ -68,7 +68,7 @@ _ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts
 _SAME = 1e-6  # relative difference of periods, and of ranges, that is none
 _LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
 _MOST = 64  # attractors
-_MOST_STATES = 10**7  # of a section
+_MOST_STATES = 10**7  # largest number of states of a section
 _COMPONENTS = ("state", "low", "high", "shift")  # measures of every component of the state
 
 

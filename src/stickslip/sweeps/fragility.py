@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from stickslip.sweeps.map import Map
 
 _LEVEL = 1.959963984540054  # standard deviations within which 95 % are
-_GRADIENT = 1e-9  # of a likelihood, at which BFGS ends
+_GRADIENT = 1e-9  # gradient of the log-likelihood at which BFGS ends
 _ITS_OWN = ("share", "low", "high", "records")
 _FITTED = ("median", "dispersion")
 

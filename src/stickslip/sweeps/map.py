@@ -302,7 +302,7 @@ class Map(Result):
             If there is no map at the path, or it is damaged. Points of which a file is missing
             count as not computed.
         """
-        if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+        if os.path.isdir(path):  # Path.is_dir raises for invalid paths
             return cls(read_map(Path(path)))
         return super().open(path)
 

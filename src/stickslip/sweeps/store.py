@@ -264,7 +264,7 @@ def read_map(path: Path) -> xarray.Dataset:
         raise _damaged(path, found.damaged)
     lost = {*found.unfinished, *(chunk for _, chunk in found.missing)}
     if lost:
-        for name in names:  # of a point that is not computed nothing else is known, either
+        for name in names:  # the other values of points that are not computed are unknown, too
             values = data[name].values.copy()
             for chunk in lost:
                 if name == "outcome" or np.issubdtype(values.dtype, np.floating):
@@ -435,7 +435,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
             axes.append(Axis(tuple(declared["names"]), values, declared["spacing"], tuple(labels)))
     except StickslipError:
         raise
-    except Exception as error:  # of a damaged store without checksums, zarr says anything
+    except Exception as error:  # zarr may raise any exception for a damaged store without checksums
         raise StickslipError(f"{path}: its description is damaged; nothing was changed") from error
     return parts, tuple(axes)
 

@@ -258,7 +258,7 @@ def multiply(*factors: Expr) -> Expr:
     """
     coefficient = 1.0
     powers = dict[Expr, float]()
-    rooted = set[Expr]()  # of which a root is taken: undefined where they are negative
+    rooted = set[Expr]()  # arguments of roots: undefined if negative
     for factor in factors:
         if factor.op == "num":
             coefficient *= number(factor)

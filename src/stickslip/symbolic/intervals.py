@@ -26,7 +26,7 @@ Interval = tuple[Any, Any]
 EVERYTHING = (-math.inf, math.inf)
 LARGEST_FLOAT = math.nextafter(math.inf, 0.0)
 LOOSE = 4.0 * 2.0**-52  # relative error of an elementary function, and of a power
-_TINY = 1e-321  # its absolute error where it underflows
+_TINY = 1e-321  # absolute error of a result that underflows
 _SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
 _SURE = 1e-280  # size of a product above which its error is a floating-point number
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 SIDES = ("even", "odd", "gate")
 NEAR_SAMPLE = 16.0 * ONE_ULP  # part of the largest time within which a time is that of a sample
 
-INTEGRAL = "integral_"  # what the name of an integral begins with
+INTEGRAL = "integral_"  # prefix of the name of an integral
 _END = 1e-9  # part of the largest break within which a place is at an end of a table
 
 LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()

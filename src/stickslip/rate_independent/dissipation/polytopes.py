@@ -155,7 +155,8 @@ class SampledHulls(RowWise, AtPhases):
         excess = (np.einsum("mfn,mn->mf", self.normals, rows) - self.offsets).max(axis=1)
         for k in np.flatnonzero(~self.known):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
-        # What lies outside of facets by more than rounding is farther away behind a sharp corner.
+        # At a sharp corner, the distance of a point outside of facets exceeds the distances from
+        # these.
         for k in np.flatnonzero(excess > FEW_ROUNDINGS * np.abs(rows).max(axis=1)):
             excess[k] = max(
                 excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))

@@ -16,8 +16,8 @@ from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.sets.phase_intervals import Index
 
-_PARTS = 4  # of a divided interval
-_MOST = 200_000  # intervals of one block of steps
+_PARTS = 4  # number of parts of a divided interval
+_MOST = 200_000  # largest number of intervals of one block of steps
 
 
 def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:

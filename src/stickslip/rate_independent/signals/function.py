@@ -122,7 +122,7 @@ class CallableSignal(Signal):
         expected = each(probe)
         try:
             at_once = np.asarray(self.function(probe), dtype=float)
-        except Exception:  # whatever it does with an array, it works for numbers
+        except Exception:  # any error of a user's function for arrays; it works for numbers
             return each, _FEW_PANELS
         if at_once.shape != probe.shape or not np.allclose(
             at_once, expected, rtol=_AT_ONCE, equal_nan=True

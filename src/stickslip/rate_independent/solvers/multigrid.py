@@ -38,13 +38,11 @@ from stickslip.rate_independent.solvers.smoothing import (
     slope_along,
 )
 
-# reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
-_NEWTON = 0.1
+_NEWTON = 0.1  # reduction of the gradient by the linear solver before the nodes at rest are updated
 _LINE = 0.1  # reduction of the derivative along a correction
 _NESTED = 0.1  # reduction of the residual on coarser levels,
-_NESTED_CYCLES = 4  # within so many cycles
-# of the residual of d = 0: a given start that is not better than that loses against nested
-# iteration
+_NESTED_CYCLES = 4  # within this number of cycles
+# relative to the residual of d = 0: a given start with more is replaced by nested iteration
 _GOOD_START = 0.01
 
 

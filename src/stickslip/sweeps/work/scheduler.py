@@ -64,7 +64,7 @@ class Interrupt:
         if self.requested:
             raise KeyboardInterrupt
         self.flag[0] = 1
-        if os.isatty(2):  # written at once: a signal may come in the middle of other output
+        if os.isatty(2):  # unbuffered: a signal may come in the middle of other output
             os.write(2, b"\nending; the chunks that are done are kept\n")
 
 
@@ -254,9 +254,8 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         ) from None
 
     def made() -> Any:
-        # Ctrl-C reaches all processes of a terminal. Workers, and those that take their places,
-        # inherit from this thread that it is not for them. (Whoever starts the tracker takes that
-        # back.)
+        # Ctrl-C reaches all processes of a terminal. Workers and their replacements inherit from
+        # this thread that they ignore it. (The process that starts the tracker undoes that.)
         ensure_running()
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -270,7 +269,7 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         try:
             yield starting.result().scheduler_address
         finally:
-            with contextlib.suppress(Exception):  # whatever becomes of it, it goes with the process
+            with contextlib.suppress(Exception):  # errors are irrelevant: the process ends
                 starting.result().close(timeout=ANSWER_WITHIN)
 
 
