@@ -56,7 +56,7 @@ def paper(
 
             def made(fraction: float, item: Item) -> None:
                 show(fraction, f"{item.kind} {item.key[:32]:<32}")
-                # whatever happens to the rest
+                # recorded in case of a later failure
                 write_data(work, folder, time.perf_counter() - began)
 
             make_all(work, folder, made)

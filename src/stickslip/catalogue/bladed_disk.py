@@ -13,7 +13,7 @@ from stickslip.symbolic.formulas import is_finite
 
 _BLADE, _SECTOR = 0.3, 1.0  # kg
 _ROOT, _GROUND, _RIM = 4.3e5, 4.0e6, 1.0e6  # N/m: blade on disc, disc on shaft, between sectors
-_RATIO = 0.002  # of critical damping, in every mode
+_RATIO = 0.002  # damping ratio of every mode
 _MOST = 100  # blades
 
 

@@ -25,7 +25,7 @@ CERTIFY = "certificate.measured"
 CERTIFICATE_OK = "certificate.ok"
 CERTIFICATE_RESIDUAL = "certificate.residual"
 AT_START = "start."
-NO_MODE_KNOWN = -9  # of a motion that has no start
+NO_MODE_KNOWN = -9  # mode of a motion that cannot start
 _OF_ONE_STEP = ("dissipated_energy", "supplied_energy")
 
 Role = Literal["parameter", "start", "input", "output", "mode"]

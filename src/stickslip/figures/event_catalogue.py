@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue
 
 _MANY = 400  # events that are drawn with stems
-_PAD = 0.06  # of a logarithmic axis beyond the values
+_PAD = 0.06  # margin of a logarithmic axis, as a fraction of the range
 _ENOUGH = 30  # events, or times between them, that are compared with a law
-_BIN = 0.1  # of magnitudes
-_MAGNITUDE = 2.0 / 3.0  # of the logarithm of a size
+_BIN = 0.1  # width of a bin of magnitudes
+_MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the size
 
 
 def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:

@@ -54,9 +54,10 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
-_INSIDE = 0.3  # opacity of what is between an envelope
-_MARKED = 200  # impacts of a contact
-_CLOSED_FOR = 0.1  # of the time: from there on what can open shows its friction, not its gap
+_INSIDE = 0.3  # opacity inside an envelope
+_MARKED = 200  # largest number of impacts of a contact that are marked
+# fraction of the time in contact above which friction is shown instead of the gap
+_CLOSED_FOR = 0.1
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
 _SQUARE = 3.5  # inches
@@ -308,7 +309,7 @@ class _Overview:
 
     def trace(self, names: list[str]) -> Callable[[Axes], None]:
         def panel(axes: Axes) -> None:
-            if len(self.contacts) <= MANY_LINES:  # else the map of the modes says it
+            if len(self.contacts) <= MANY_LINES:  # otherwise the map of the modes shows it
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):

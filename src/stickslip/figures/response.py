@@ -47,8 +47,8 @@ _FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LI
 _CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
 _SWEEPS = {"up": "^", "down": "v"}
 _ALIKE = 1e-6  # sweeps that differ by less, relative to the largest response, are the same
-# where the level of a line may stand around its peak: distances (points) and directions, those that
-# are preferred first
+# positions of the label of a line around its peak: distances (points) and directions (degrees),
+# preferred ones first
 _DISTANCES = (3.0, 6.0, 10.0, 15.0, 21.0, 28.0, 36.0, 45.0, 60.0)
 _DIRECTIONS = (45.0, 90.0, 135.0, 15.0, 165.0, 70.0, 110.0, -20.0, 200.0, -45.0, 225.0, -90.0)
 _GRID = np.array(

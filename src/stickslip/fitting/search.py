@@ -26,16 +26,17 @@ from stickslip.numerics.ratios import ratio
 
 _SHARES = (0.125, 0.25, 0.5)
 _ROWS = 16  # smallest number of rows of a part of a recording
-_DRAWN = 1.0  # how much a part of a recording is drawn to its start, across its box
+# weight of the distance from the start, in widths of the box, for a part of a recording
+_DRAWN = 1.0
 # fraction of the spread of a column above which differences count as outliers in a part
 _ROUGH = 0.1
 _TOLERANCE = 1e-13
 _ROUNDS = 12  # largest number of estimates of the noise
-_BESIDE = 1e-7  # relative change to where a motion has a derivative
+_BESIDE = 1e-7  # relative change of parameters to a point at which a motion has a derivative
 _IRRATIONAL = (math.sqrt(5.0) - 1.0) / 2.0
 _TRIES = 3
-_NOTHING = 1e-13  # part of its size by which a residual changes that does not depend on an unknown
-_SETTLED = 1e-4  # relative change of estimated errors after which they are known
+_NOTHING = 1e-13  # relative change of a residual below which it does not depend on an unknown
+_SETTLED = 1e-4  # relative change of estimated errors at which the iteration ends
 _OF_STARTS = 1e-4  # tolerance of starts, of which the best are improved
 _DIFFERENCE = 1e-4  # relative step of differences, before Richardson's extrapolation
 

@@ -28,7 +28,7 @@ LEVEL = 0.95
 _SIGNIFICANT = 3.0  # standard deviations of a correlation
 _SINGULAR = 1e-8  # relative to the largest singular value: with less a direction is not determined
 _TAKES_PART = 0.1  # component of an undetermined direction above which an unknown is named
-_FEW = 8  # data of which nobody says how they are distributed
+_FEW = 8  # smallest number of data for the tests of their distribution
 _DIFFERENCE = 1e-5  # step of a central difference, in standard deviations: about the cube root of ε
 
 

@@ -77,7 +77,7 @@ def make_all(jobs: list[Compilation], what: str) -> list[bytes]:
     finally:
         if helper is not None:
             helper.terminate()
-    # what the other process could not keep is made here
+    # modules that the other process could not store are compiled here
     return [code or jobs[i].done() or make_one(jobs[i]) for i, code in enumerate(codes)]
 
 

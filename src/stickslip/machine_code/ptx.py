@@ -148,7 +148,7 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
 def _module(assembly: str) -> Any:
     """A module whose mathematical functions are NVIDIA's."""
     lines = _NAMES.sub(lambda name: f"@__nv_{name[1] or name[2]}(", assembly).splitlines()
-    # what LLVM and C call by two names has one now
+    # functions with different names in LLVM and C have the same name here
     declared = {x.partition("(")[0]: x for x in lines if x.startswith("declare ")}
     rest = [x for x in lines if not x.startswith("declare ")]
     return module_of("\n".join([*declared.values(), *rest]), _target(), STRAIGHT)

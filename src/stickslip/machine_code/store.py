@@ -28,11 +28,11 @@ from platformdirs import user_cache_path
 CODE_FORMAT = b"stickslip code 1\n"
 _DIGEST = 32  # bytes
 _LARGEST = 2**28  # bytes of a file
-# What a folder may hold of these files; those that were read last stay.
+# Limits of these files in a folder; the most recently read ones are kept.
 _MOST_FILES, _MOST_BYTES = 2000, 2**29
 _CODE = (".o", ".bc", ".list", ".ptx", ".cubin")
-_PASSING = "stickslip-"  # how names of locks and of unfinished files begin
-_PATIENCE = 600  # seconds, for a lock
+_PASSING = "stickslip-"  # prefix of the names of locks and of unfinished files
+_PATIENCE = 600  # seconds to wait for a lock
 _HOUR, _DAY = 3600, 86400
 _POSIX = os.name == "posix"
 _LOCK = RLock()

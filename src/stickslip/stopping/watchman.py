@@ -72,7 +72,7 @@ class _Watchman:
 
     def wake(self) -> None:
         """Wake the thread so that it checks which flags are due."""
-        with contextlib.suppress(BlockingIOError):  # it is being woken already
+        with contextlib.suppress(BlockingIOError):  # a wake-up signal is pending already
             self._sender.send(b"\0")
 
     def _watch(self) -> None:

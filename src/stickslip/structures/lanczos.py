@@ -19,9 +19,9 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 
 _ACCURATE = 1e-11  # relative error of a vector; that of an eigenvalue is its square
-_ROOM = 4  # times as many vectors as are wanted, before the best are kept
-_MOST = 20  # times as many, before the iteration is given up
-_BLOCK = 8  # vectors at a time, since a solution for several costs hardly more than for one
+_ROOM = 4  # number of vectors relative to the requested ones, before the best are kept
+_MOST = 20  # number of vectors relative to the requested ones, before the iteration fails
+_BLOCK = 8  # vectors per block: a solution for several costs little more than for one
 _CLEAR = 1e-4  # squared norm of the remainder of a new vector, relative to 1
 
 

@@ -33,7 +33,7 @@ from stickslip.translator.values import (
     joined,
 )
 
-_MOST_ROUNDS = 12  # in which the types of variables have to settle
+_MOST_ROUNDS = 12  # largest number of iterations for the types of variables
 _INSTEAD: dict[Any, str] = {
     ast.List: "Use a tuple, or an array that is passed in",
     ast.With: "Do it in the function that calls",
@@ -72,7 +72,7 @@ class Function(Values, ast.NodeVisitor):
         self.node = node
         self.arguments = arguments
         self.name = name
-        self.calls = 0  # of functions that may do something
+        self.calls = 0  # calls of functions with side effects
         self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
         self.types: dict[str, Type] = {}
         self.result: Type | None = None
@@ -128,7 +128,7 @@ class Function(Values, ast.NodeVisitor):
         self.places: dict[str, Register] = {}
         self.assigned: frozenset[str] = frozenset()
         self.ways: dict[str, list[frozenset[str]]] = {}
-        self.loops: list[tuple[str, str]] = []  # where the next round begins, and where it ends
+        self.loops: list[tuple[str, str]] = []  # labels of the next iteration and of the end
         self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
             is_tuple = isinstance(type_, TupleType)

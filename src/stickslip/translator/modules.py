@@ -33,7 +33,7 @@ from stickslip.translator.values import (
 _FEW = 150  # lines of a function that other modules have copies of; LLVM inlines no longer ones
 _MANY = 1000  # lines of a function that is not inlined
 _WORDS = Register("%words", POINTER)
-# Of functions of C, LLVM is to assume no more than this: it takes fmod(0, NaN) for 0.
+# LLVM may assume no more than this of C functions: it evaluates fmod(0, NaN) as 0.
 _ATTRIBUTES = """
 attributes #0 = { nounwind nofree nosync }
 attributes #1 = { nobuiltin nounwind willreturn memory(none) }
@@ -124,7 +124,7 @@ class Program:
         code = function.python.__code__
         if code.co_filename not in self._nodes:
             linecache.checkcache(code.co_filename)  # the file may have been edited
-            # which also knows the cells of notebooks
+            # also contains the cells of notebooks
             text = "".join(linecache.getlines(code.co_filename))
             found = [x for x in ast.walk(ast.parse(text)) if isinstance(x, ast.FunctionDef)]
             firsts = [min([x.lineno, *(d.lineno for d in x.decorator_list)]) for x in found]

@@ -32,7 +32,7 @@ from stickslip_paper.sections.laws import (
 
 RIGHT = "right leg"
 LEFT = "left leg"
-_SLIPS = {1: "slip+", -1: "slip-"}  # by the sign of the velocity
+_SLIPS = {1: "slip+", -1: "slip-"}  # key: sign of the velocity
 WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}
 _STATE = {"psi": (-2.0, 2.0), "d_psi": (-2.0, 2.0), "x_R": (-1.0, 1.0), "x_L": (-1.0, 1.0)}
 RANGES = {"I_b": (0.5, 2.0), "delta": (0.0, 0.2), "a": (0.5, 2.0), "b": (0.5, 2.0), "c": (0.1, 0.5)}

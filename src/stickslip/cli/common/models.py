@@ -193,5 +193,5 @@ def _value(text: str) -> Formula:
     try:
         constant = Scope({}).parse(text, "")
     except DeclarationError:
-        return text  # a formula in the system's names, or a mistake: the declaration will say
+        return text  # a formula in the system's names, or an error that the declaration reports
     return number(constant) if is_number(constant) else text

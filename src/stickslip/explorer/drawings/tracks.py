@@ -26,7 +26,7 @@ from stickslip.explorer.drawings.parts import (
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_LEAD = 2.1  # how far in front of a block the end of its spring is drawn at rest
+_LEAD = 2.1  # distance from a block to the drawn end of its spring at rest
 
 
 def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
@@ -46,7 +46,7 @@ def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> 
     scene.add(disc(0.52, (x, 1.45), look="body"))
     scene.add(rod((x, 1.45), (x + 0.36 * np.sin(angle), 1.45 - 0.36 * np.cos(angle))))
     scene.add(disc(0.15, (x + 0.36 * np.sin(angle), 1.45 - 0.36 * np.cos(angle)), look="dark"))
-    # What the weight does to the normal force.
+    # Contribution of the imbalance to the normal force.
     lift = 0.5 * np.cos(angle)
     scene.add(arrow((x - 1.6, 1.45), (x - 1.6, 1.45 - lift)))
     return scene

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 # The page writes numbers.
 _TICK = "return explorer.tick(tick, ticks)"
-_LEFT = 58  # pixels beside every figure, so that those below each other agree
+_LEFT = 58  # pixels to the left of every figure, so that figures below each other are aligned
 
 
 class Panel:

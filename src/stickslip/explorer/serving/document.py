@@ -54,7 +54,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
         models = models_of([make_panel() for make_panel in PANELS])
         wire = Wire(name=WIRE)
         plots = [model for model in models.values() if isinstance(model, Plot)]
-        plots[0].tags = [wire]  # which makes it part of the document
+        plots[0].tags = [wire]  # makes it part of the document
         with document.models.freeze():  # to look at all of them once
             for plot in plots:
                 document.add_root(plot)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
 
 _ROUNDS = (9, 17, 33, 65)  # points along each axis
-_GOES_ON = 200  # of the command that goes on
+_GOES_ON = 200  # number of values per axis in the command that continues the map
 
 
 def fill_map(request: Request, cancellation: Cancellation) -> Iterator[Answer]:

@@ -22,6 +22,6 @@ def embedded(draw: Callable[[], Figure]) -> Html:
     try:
         with paper_style():
             draw().savefig(buffer, format="png", dpi=_DOTS)
-    except Exception as error:  # whatever it is, it says nothing about the result
+    except Exception as error:  # an error of the figure does not affect the result
         return paragraph(f"the picture could not be drawn ({type(error).__name__}: {error})")
     return image(buffer.getvalue())

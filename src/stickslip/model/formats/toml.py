@@ -293,7 +293,7 @@ def as_toml(data: Any, groups: Sequence[str]) -> str:
 
 def _is_default(entry: Any, value: Any) -> bool:
     default = entry.default if entry.default_factory is MISSING else entry.default_factory()
-    # 1, 1.0 and "1" are different values, and so are the forms of a default.
+    # 1, 1.0 and "1" are written differently: only the exact form of the default is omitted.
     return type(value) is type(default) and repr(value) == repr(default)
 
 

@@ -42,7 +42,8 @@ _SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of what is left then
 _MIDDLE, _HALF, _BEGIN, _END = range(4)
 # radii of discs around panels, in units of half their width, that may show what a fit can miss
 _REACHES = (8.0, 4.0)
-# Halvings to the ends at which a fit is checked, while corners are known roughly, and afterwards.
+# Number of halvings towards an end at which a fit is checked, while corners are known roughly, and
+# afterwards.
 _SEARCH = 30
 _FINAL = 42
 
