@@ -18,7 +18,7 @@ import stickslip as ss
 if TYPE_CHECKING:
     from stickslip_paper.making import Item, Work
 
-_UNEXPECTED = 1  # exit codes, as those of all commands
+_UNEXPECTED = 1  # exit code, as for all commands
 INTERRUPTED = 130
 _NEEDED = {"SymPy": "sympy", "Pillow": "PIL"}
 NAMES = ("claims.json", "index.html", "figures", "animations")

@@ -19,8 +19,8 @@ from stickslip.symbolic.expressions import Expr
 
 BoxRanges = Mapping[str, tuple[Array, Array]]
 Decided = NDArray[np.bool_]
-_MOST = 40_000  # boxes in all
-_NARROWEST = 2.0**-40  # box that is divided, as a part of the first
+_MOST = 40_000  # largest number of boxes
+_NARROWEST = 2.0**-40  # narrowest box that is divided, as a fraction of the first
 
 
 @dataclass(frozen=True)

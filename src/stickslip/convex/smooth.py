@@ -20,9 +20,9 @@ _ANGLES = 1440  # samples of a circle, between which a jump of the gradient is s
 _ARCS = 12  # number of arcs that are refined
 _PLANES = 9  # additional circles besides those of pairs of axes, for three components
 _HALVINGS = 44
-_JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
+_JUMP = 1e-6  # relative change of a gradient across an arc as narrow as rounding allows
 _LARGEST = 1e150
-_FLAT = 1e-9  # width of the set of forces, in parts of the largest
+_FLAT = 1e-9  # width of the set of forces, relative to the largest
 
 
 def smooth_dissipation(

@@ -50,7 +50,7 @@ _PASSES = {
     "both": ("passes through 0", "="),
 }
 _RATE = "{}'"
-ACCELERATION = "{}''"  # no identifier, so that it cannot be a name of the declaration
+ACCELERATION = "{}''"  # not an identifier, so that it cannot be a name of the declaration
 
 
 @dataclass(frozen=True)

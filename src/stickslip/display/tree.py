@@ -103,7 +103,7 @@ Factors = tuple[tuple[Node, Node], ...]
 VECTOR, INVERSE = "()", "^-1"  # calls that no formula of a declaration can contain
 NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
 _MINUS_ONE = Number(Fraction(-1))
-_MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
+_MAX_EXPONENT = 8  # larger powers of numbers are not evaluated
 
 
 def sum_of(*nodes: Node) -> Node:

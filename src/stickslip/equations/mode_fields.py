@@ -20,7 +20,7 @@ from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_INDEPENDENT = 1e-7  # part of a column that is none of the others
+_INDEPENDENT = 1e-7  # relative remainder of a column that is independent of the others
 
 
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:

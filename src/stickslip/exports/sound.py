@@ -14,7 +14,7 @@ from stickslip.numerics.levels import COMPUTED_ZERO
 
 _LOUDEST = 0.9  # fraction of full scale: resampling in players overshoots
 _FULL_SCALE = 2**15 - 1
-_HIGHEST_RATE = 768_000  # samples a second
+_HIGHEST_RATE = 768_000  # samples per second
 
 
 def sound_of(motion: Trajectory, quantity: str, rate: int, seconds: float) -> Array:

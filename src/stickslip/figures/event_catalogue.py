@@ -25,9 +25,9 @@ from stickslip.model.entries.units import unit_label
 if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue
 
-_MANY = 400  # events that are drawn with stems
+_MANY = 400  # number of events up to which they are drawn with stems
 _PAD = 0.06  # margin of a logarithmic axis, as a fraction of the range
-_ENOUGH = 30  # events, or times between them, that are compared with a law
+_ENOUGH = 30  # smallest number of events, or times between them, that are compared with a law
 _BIN = 0.1  # width of a bin of magnitudes
 _MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the size
 

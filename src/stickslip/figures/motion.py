@@ -53,7 +53,8 @@ from stickslip.numerics.ratios import ratio
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
+# fraction of its range over which a quantity varies within a column if its line is a block
+_SWINGS = 0.2
 _INSIDE = 0.3  # opacity inside an envelope
 _MARKED = 200  # largest number of impacts of a contact that are marked
 # fraction of the time in contact above which friction is shown instead of the gap

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
 _LETTERS = 26  # letters per line of the label of a panel
-_WIDE = 100.0  # ratio of the ends of a logarithmic axis, at least
-_LOW = 0.2  # … of whose largest value the median is at most this part
+_WIDE = 100.0  # smallest ratio of the ends of a logarithmic axis
+_LOW = 0.2  # … and largest ratio of the median to the largest value
 _MARKERS = "osD^vPX*"
 _THIN, _THICK = 1.1, 2.2  # lines of equilibria and of cycles
 _STRIP = 0.06  # width of the shaded strip along a curve, as a fraction of the axes

@@ -40,8 +40,8 @@ _WIDTH = 6.4  # inches
 _TALL = 3.6
 _LOW = 1.7
 _EXTRA = 0.7
-_SLIPS = 1.6  # width of a line where a contact slips …
-_NEVER_SLIPS = 0.9  # … and where none does
+_SLIPS = 1.6  # width of a line if a contact slips …
+_NEVER_SLIPS = 0.9  # … and if none does
 _BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.9, "ls": (0, (6, 2, 1, 2)), "zorder": 2.5}
 _FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LINE, "mew": 1.2}
 _CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
@@ -54,7 +54,7 @@ _DIRECTIONS = (45.0, 90.0, 135.0, 15.0, 165.0, 70.0, 110.0, -20.0, 200.0, -45.0,
 _GRID = np.array(
     [(i, j) for i in np.linspace(-1, 1, 21) for j in np.linspace(-1, 1, 5)]
 )  # of a box
-_APART = 2.0  # points between a label and what it must not touch
+_APART = 2.0  # points between a label and other objects
 
 
 def plot_response(

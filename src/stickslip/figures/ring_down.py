@@ -29,7 +29,7 @@ from stickslip.model.entries.units import unit_label
 if TYPE_CHECKING:
     from stickslip.orbits.studies.ring_down import RingDown
 
-_MANY = 60  # turning points that are drawn as points
+_MANY = 60  # number of turning points up to which they are drawn as points
 _PAD = 0.06  # margin of an axis, as a fraction of its range
 _EVEN = 1e-6  # frequencies that differ by less, relative to them, are regarded as equal
 _DECADES = 10.0  # a range of positive values this wide has a logarithmic axis

@@ -65,7 +65,7 @@ _WIDTH = 5.2  # inches of a map
 _HEIGHT = 4.2  # inches of a map
 _LETTERS = 9  # letters of a legend per inch
 _MULTIPLES = 6  # largest number of maps of a third axis
-_LEVELS = 6  # values of an axis that is too short for a map: a line for each of them
+_LEVELS = 6  # number of values of an axis up to which each has a line instead of a map
 _DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
 _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
     (False, False): "neither",

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
     from stickslip.fitting.fit import Fit
 
-_STEP = 0.5  # standard errors of a step
-_FASTER = 1.3  # growth of the steps
-_STEPS = 24  # on a side
-_BEYOND = 1.3  # times the limit up to which it is followed
+_STEP = 0.5  # initial step in standard errors
+_FASTER = 1.3  # growth factor of the steps
+_STEPS = 24  # largest number of steps on a side
+_BEYOND = 1.3  # multiple of the limit up to which the profile is continued
 _WHOLE = 0.25  # first step relative to an unknown whose standard error is not known
-_NO_MOVE = 1e-9  # part of a value by which a step towards a bound has to change it
+_NO_MOVE = 1e-9  # relative step towards a bound that counts as a change
 
 
 class Profiled(NamedTuple):

@@ -37,7 +37,7 @@ _IRRATIONAL = (math.sqrt(5.0) - 1.0) / 2.0
 _TRIES = 3
 _NOTHING = 1e-13  # relative change of a residual below which it does not depend on an unknown
 _SETTLED = 1e-4  # relative change of estimated errors at which the iteration ends
-_OF_STARTS = 1e-4  # tolerance of starts, of which the best are improved
+_OF_STARTS = 1e-4  # tolerance of the starts, the best of which are improved
 _DIFFERENCE = 1e-4  # relative step of differences, before Richardson's extrapolation
 
 

@@ -25,7 +25,7 @@ from stickslip.fitting.problem import LOSSES, FitProblem
 from stickslip.fitting.search import jacobian_near
 
 LEVEL = 0.95
-_SIGNIFICANT = 3.0  # standard deviations of a correlation
+_SIGNIFICANT = 3.0  # number of standard deviations of a significant correlation
 _SINGULAR = 1e-8  # relative to the largest singular value: with less a direction is not determined
 _TAKES_PART = 0.1  # component of an undetermined direction above which an unknown is named
 _FEW = 8  # smallest number of data for the tests of their distribution

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.recording import Recording
 
 FreeRange = tuple[float, float] | None
-_WIDE = 10.0  # ratio of positive bounds from which on a logarithm is searched
+_WIDE = 10.0  # ratio of positive bounds above which the search uses the logarithm
 _AROUND = 10.0  # factor over which starts are spread if there are no bounds
 
 

@@ -14,7 +14,7 @@ from stickslip.machine_code.objects import LOOPS, Processor, emitted, module_of
 from stickslip.machine_code.store import keep, stored
 from stickslip.progress import PATIENCE, watched
 
-_FEW = 200_000  # characters for which another process is not worth its start
+_FEW = 200_000  # number of characters below which another process does not pay
 
 
 class Compilation(NamedTuple):

@@ -25,7 +25,7 @@ from stickslip.machine_code.store import cache_folder, keep, stored
 # loops, as in a system, is not faster with it, and if it is long, any level but 0 takes longer to
 # compile than most motions take to compute.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
-_LONG = 400_000  # characters of code without loops, not counting tables
+_LONG = 400_000  # number of characters of long code without loops, not counting tables
 # For many systems that each move briefly: level 0 compiles in a fifth of the time, and motions take
 # a sixth longer. The bits are the same, because LLVM does not reorder arithmetic.
 QUICK = bool(os.environ.get("STICKSLIP_QUICK_COMPILE"))
@@ -86,8 +86,8 @@ class Provider:
 
 # key: assembly and effort
 _kept: WeakValueDictionary[tuple[str, int], Code] = WeakValueDictionary()
-_recent: deque[Code] = deque(maxlen=32)  # for systems that are declared again and again
-_permanent: dict[str, Code] = {}  # code that is called by address, so that nothing refers to it
+_recent: deque[Code] = deque(maxlen=32)  # keeps systems that are declared repeatedly
+_permanent: dict[str, Code] = {}  # code that is called by address, without a reference to it
 _provided: dict[str, Provider] = {}
 
 

@@ -36,16 +36,17 @@ from stickslip.machine_code.shelf import (
 )
 from stickslip.machine_code.store import cache_folder, keep, stored
 
-# The oldest GPUs whose threads go their own ways (since 2017); all later ones take the same code.
+# The oldest GPUs with independent thread scheduling (since 2017); all later ones accept the same
+# code.
 _OLDEST, _FEATURES = "sm_70", "+ptx60"
 CAPABILITY = 7, 0
 """What a GPU has to be capable of, as NVIDIA counts it."""
 _FILE = Path("nvvm", "libdevice", "libdevice.10.bc")
-# Functions that LLVM has for a processor, and not for a GPU.
+# Functions that LLVM provides for a processor, but not for a GPU.
 _MISSING = "cos exp exp2 log log10 log2 pow sin tan".split()
 _NAMES = re.compile(rf"@(?:({'|'.join(MATHEMATICS)})|llvm\.({'|'.join(_MISSING)})\.f64)\(")
-# Code is kept short: threads of a GPU wait for memory, not for jumps, and its assembler takes long.
-# LLVM takes eleven times this number for a GPU.
+# Code is kept short: threads of a GPU wait for memory, not for jumps, and its assembler is slow.
+# LLVM uses eleven times this number for a GPU.
 _INLINED = 20
 
 

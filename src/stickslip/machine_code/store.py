@@ -27,7 +27,7 @@ from platformdirs import user_cache_path
 
 CODE_FORMAT = b"stickslip code 1\n"
 _DIGEST = 32  # bytes
-_LARGEST = 2**28  # bytes of a file
+_LARGEST = 2**28  # largest number of bytes of a file
 # Limits of these files in a folder; the most recently read ones are kept.
 _MOST_FILES, _MOST_BYTES = 2000, 2**29
 _CODE = (".o", ".bc", ".list", ".ptx", ".cubin")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from stickslip.model.reading import DeclarationReader
 
 _REMEDY = "A threshold must not be negative; write max(..., 0) around its formula"
-_VELOCITIES = ("v1", "v2", "v3")  # as a dissipation names them
+_VELOCITIES = ("v1", "v2", "v3")  # names of the velocities in a dissipation
 _NUMBERS = {2: "two", 3: "three"}
 
 

@@ -23,7 +23,8 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 Unit = tuple[tuple[str, Fraction], ...]
 _NUMBER: Unit = ()
-_AS_FRACTION = 1e-12  # relative: a number given with all digits that is a fraction of small ones
+# relative error of a number with all digits that is regarded as a fraction of small integers
+_AS_FRACTION = 1e-12
 # largest numerator, and denominators, of coefficients without a hidden unit
 _NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)
 

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
-_ACCURACY = 10.0  # times rtol: limit of residuals, if that is more than `CERTIFIED`
-_TOUCHING = 1e-9  # gap of bodies that touch, relative to the largest coordinate of the motion
+_ACCURACY = 10.0  # limit of residuals in units of rtol, if that is more than `CERTIFIED`
+_TOUCHING = 1e-9  # gap of touching bodies relative to the largest coordinate of the motion
 
 
 def certify_trajectory(trajectory: Trajectory) -> Certificate:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the moment
-_LOOKS = 33  # samples of a step
+_LOOKS = 33  # number of samples of a step
 _MOST_STEPS = 10_000_000  # largest number of events of a motion that is recomputed
 
 

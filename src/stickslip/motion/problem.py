@@ -45,7 +45,7 @@ _FINEST = 1e-16  # tolerance of local errors: less than half of ε, below which 
 _LEAST_ATOL = 1e-30
 _LEAST_UNIT = 1e-6  # smallest size relative to which errors of a state are measured, if atol ≪ rtol
 
-MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
+MOTION_SLOTS = 64  # largest number of modes with a closed form for one set of parameters
 
 
 class _WorkSpaces(threading.local):
@@ -61,10 +61,10 @@ class _WorkSpaces(threading.local):
 
 # largest number of work spaces of a system, each for one order and one number of guards
 _MOST_BENCHES = 4
-_MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
-_MOST_CONSTANTS = 4  # sets of matrices of a system
-_MOST_ROWS = 64  # sets of rows of a system, whose required ones depend on parameters
-_CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
+_MOST_ADMISSIBLE = 64  # largest number of admissible parameter sets of a system that are stored
+_MOST_CONSTANTS = 4  # largest number of sets of matrices of a system
+_MOST_ROWS = 64  # largest number of sets of rows of a system; required rows depend on parameters
+_CURVE_SLOTS = 8  # the same along a curve, where no two problems share them
 # largest number of states of a motion in closed form; the cost per mode is cubic in it
 _MOST_STATES = 400
 _MOST_STATES_OF_MANY = 24  # the same if many motions have closed forms of their own

@@ -29,7 +29,7 @@ from stickslip.stopping.scopes import TimeUp, check_limit, watching
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_CHUNK = 4096  # steps between looks at how far it is
+_CHUNK = 4096  # steps between progress reports
 _CHUNK_BYTES = 2**26  # largest number of bytes of a chunk of knots
 # outcomes of a motion that cannot start
 _NOWHERE = (Outcome.NO_BOUNDED_RATE, Outcome.NO_MODE, Outcome.NO_ACCELERATION)

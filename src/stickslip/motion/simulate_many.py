@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
-_BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
+BATCH_SLOTS = 12  # number of closed forms for each set of parameters of a batch
+_BLOCK_BYTES = 32e6  # bytes of the closed forms of the motions that are computed together
 _MOST_LANES = 2048
 _PULSE = 0.25  # seconds after which a request to stop is noticed
 

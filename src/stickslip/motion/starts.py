@@ -19,7 +19,7 @@ from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 _MOST_STEPS = 8  # largest number of Newton iterations onto constraints
-_MOST_NAMED = 6  # coordinates in a message
+_MOST_NAMED = 6  # largest number of coordinates in a message
 # relative amount by which rounding errors of a start may put a held force beyond its threshold
 _EXCESS = 1e-9
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Interpolation = Literal["hold", "linear"]
-_ROOM = 64  # knots of a step; a longer one takes more
-_SINCE = "t__since"  # the time from which inputs change
+_ROOM = 64  # number of knots of a step; a longer one allocates more
+_SINCE = "t__since"  # the time since which inputs change
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
-GRID = 1000  # points of the dataset between knots
+GRID = 1000  # number of points of the dataset between knots
 
 
 class Trajectory(Result):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from stickslip.arrays import Array
 
-_LONGEST = 86_400.0  # seconds that the watchman sleeps at most
+_LONGEST = 86_400.0  # longest sleep of the watchman in seconds
 
 
 class Due(NamedTuple):

@@ -17,8 +17,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-_LEAF = 96  # unknowns of a part that is not cut any more
-_MANY = 10.0  # neighbours, in square roots of the number of all, that no level structure bears
+_LEAF = 96  # number of unknowns of a part that is not divided further
+# number of neighbours, relative to the square root of the number of unknowns, above which level
+# structures fail
+_MANY = 10.0
 
 
 @dataclass

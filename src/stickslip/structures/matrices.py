@@ -16,11 +16,11 @@ Symmetric = Any
 """A matrix: an array, or a sparse one of SciPy in compressed columns."""
 
 _ALIKE = 1e-9  # relative to the diagonal: asymmetry of files with nine digits that is accepted
-_MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
+_MOST_MEMORY = 2**30  # largest number of bytes of full matrices made from sparse ones
 _COINCIDE = 1e-9  # gap between squared frequencies, relative to them, below which they coincide
 _APART = 0.05  # distance of a shift below the lowest ω², relative to it
-_SPREAD = 10.0  # times the lowest ω², in which so many lie that a shift pays
-_FULL = 400  # unknowns below which full matrices are faster
+_SPREAD = 10.0  # multiple of the lowest ω² up to which the requested values lie if a shift pays
+_FULL = 400  # number of unknowns below which full matrices are faster
 # relative to the largest ratio of diagonals: makes a stiffness with rigid motions regular
 _SHIFT = 1e-10
 

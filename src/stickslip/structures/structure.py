@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 UnknownKey = int | str
 """An unknown, by its index or its name."""
 Method = Literal["craig-bampton", "modal"]
-_ALL = 50  # unknowns that results show
-_SHOWN = 6  # frequencies in a summary
+_ALL = 50  # number of unknowns that results show
+_SHOWN = 6  # number of frequencies in a summary
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.map import Map
 
-_LEVEL = 1.959963984540054  # standard deviations within which 95 % are
+_LEVEL = 1.959963984540054  # standard deviations that contain 95 %
 _GRADIENT = 1e-9  # gradient of the log-likelihood at which BFGS ends
 _ITS_OWN = ("share", "low", "high", "records")
 _FITTED = ("median", "dispersion")

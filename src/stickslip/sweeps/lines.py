@@ -48,8 +48,8 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
 _APART = 0.5  # a point this far from a line, relative to the step of the line there, may be on it
-_BETWEEN = 5  # largest responses between two levels
-_FIRST = 0.004  # part of the range in which a largest response is looked for at first
+_BETWEEN = 5  # number of largest responses between two levels
+_FIRST = 0.004  # initial fraction of the range in the search for a largest response
 _PEAK = 1e-6  # accuracy of the frequency of a largest response; the response has the square of it
 
 

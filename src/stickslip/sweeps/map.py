@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.fragility import Fragility
 
-# labels of motions that are on no attractor, with what is counted of them
+# labels of motions that are on no attractor, with the name of their count
 _NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
 

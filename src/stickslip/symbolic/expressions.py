@@ -29,7 +29,7 @@ from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
 Terms = tuple[tuple["Expr", float], ...]
 _ARGUMENT_OF_ROW = re.compile(r"\bx\b")
-_LONG_PRODUCT = 12  # factors from which a product is a factor itself: see `multiply`
+_LONG_PRODUCT = 12  # number of factors above which a product is a factor itself: see `multiply`
 _STRICT = 1.0  # value of a select that is `below` where its guard is 0
 
 
@@ -136,7 +136,7 @@ class Expr:
 
 
 _nodes: WeakValueDictionary[tuple, Expr] = WeakValueDictionary()
-_recent: deque[Expr] = deque(maxlen=10_000)  # for systems that are declared again and again
+_recent: deque[Expr] = deque(maxlen=10_000)  # keeps systems that are declared repeatedly
 _LOCK = RLock()
 
 

@@ -31,14 +31,14 @@ _PARSER = threading.Lock()
 # Limits of a text that is parsed in one step. A sum may be long, since its terms are parsed one by
 # one; other formulas may not, since products of many factors have derivatives of as many terms, and
 # Python's parser recurses.
-_MAX_LENGTH = 4000  # characters
+_MAX_LENGTH = 4000  # largest number of characters
 _MAX_NODES = 1500
 _MAX_DEPTH = 60  # largest depth of brackets in a formula
 _MAX_HEIGHT = 120  # largest depth of an expression after insertion of all functions
-_MAX_WORK = 40_000  # nodes read for one formula, functions inserted
-_WORK_OF_TERM = 100  # more of them for each term of a long sum
-_LONGEST = 4_000_000  # characters of a sum
-_LONG = 1000  # characters from which a formula is read term by term
+_MAX_WORK = 40_000  # largest number of nodes for one formula with the functions inserted
+_WORK_OF_TERM = 100  # additional nodes for each term of a long sum
+_LONGEST = 4_000_000  # largest number of characters of a sum
+_LONG = 1000  # number of characters above which a formula is parsed term by term
 _PIECE = (
     "_piece"  # names of what has been read of a long formula; names of formulas begin otherwise
 )

@@ -30,7 +30,7 @@ from stickslip.translator.values import (
     joined,
 )
 
-_FEW = 150  # lines of a function that other modules have copies of; LLVM inlines no longer ones
+_FEW = 150  # lines of a function that is copied to other modules; LLVM does not inline longer ones
 _MANY = 1000  # lines of a function that is not inlined
 _WORDS = Register("%words", POINTER)
 # LLVM may assume no more than this of C functions: it evaluates fmod(0, NaN) as 0.

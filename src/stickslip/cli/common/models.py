@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from stickslip.model.entries.tables import Table
     from stickslip.results import Result
 
-_FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks like that
+_FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # formulas do not match
 
 
 def load_model(model: str, settings: Iterable[str], until: float | None = None) -> System:

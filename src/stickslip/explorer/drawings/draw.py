@@ -20,7 +20,7 @@ Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
 """Makes the scene of a motion from times, shape (n,), and states, forces and modes (``mode_KEY``)
 at these, shape (n,) each. It raises KeyError if it knows other coordinates."""
 _ROOM = "stickslip.explorer.drawings"
-# Systems that are drawn by hand, and where.
+# Systems with a dedicated drawing, and its module.
 DRAWN = {
     "rocking_toy": "toys:walking_toy",
     "rocking_toy_inertial": "toys:walking_toy",

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _WIDTH, _TALL = 8.0, 3.0  # width and height of the row of a structure
 _REACH = 0.95  # its largest displacement in the drawing
-_MOST = 48  # points of a line
-_EACH = (1, 2, 3, 6)  # unknowns that a node may have
+_MOST = 48  # largest number of points of a line
+_EACH = (1, 2, 3, 6)  # possible numbers of unknowns of a node
 _MODES = 4  # number of modes whose shapes determine the number of unknowns of a node
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-# The letters of base64: two of them are a value between 0 and 4095, three a time.
+# The letters of base64: two encode a value between 0 and 4095, three a time.
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _TABLE = np.frombuffer(LETTERS.encode(), np.uint8)
-_VALUE, _TIME = 2, 3  # letters
+_VALUE, _TIME = 2, 3  # number of letters
 _FAR = 1e30
 _JUMP = 0.1  # fraction of a range between neighbouring samples above which a curve jumps
 _SAME = 1e-4  # fraction of a range within which two curves have the same shape

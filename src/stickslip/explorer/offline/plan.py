@@ -17,7 +17,8 @@ from stickslip.sweeps.request.axes import read_axes
 
 _MOST_SLIDERS = 3  # largest number of sliders whose values are combined
 MOST_POINTS = 1000
-_STEPS = (4, 10)  # values of a slider for which none are given, besides the declared one
+# limits of the number of values of a slider without given values, besides the declared one
+_STEPS = (4, 10)
 _ALL_STEPS = 60  # number of values of all sliders, if only one parameter varies at a time
 _FORM = "Write it like V=0.05:0.4:15"
 

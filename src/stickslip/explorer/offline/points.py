@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.progress import Show
 
-_ROWS = 4  # over the time
+_ROWS = 4  # rows over time
 _MOST_LINES = 6  # largest number of lines in a row
 # largest number of curves of a motion with its animation; with more, the animation is omitted
 _MOST_SHAPES = 24
@@ -37,7 +37,7 @@ _ROUGH = 1.5e-2  # error relative to the range of the curves of the animation
 _MOST_BYTES = 3_000_000  # largest number of bytes of all motions of a page
 _SMALL = 1_000_000  # number of bytes up to which curves are stored with the smaller error
 _FIRST = 6  # number of motions after which the size of the page is estimated
-_SECONDS = 5.0  # for a cycle
+_SECONDS = 5.0  # computing time for a cycle
 
 
 @dataclass

@@ -28,8 +28,7 @@ from bokeh.models import (
 if TYPE_CHECKING:
     from bokeh.models.glyph import Glyph
 
-# The page writes numbers.
-_TICK = "return explorer.tick(tick, ticks)"
+_TICK = "return explorer.tick(tick, ticks)"  # The page formats numbers.
 _LEFT = 58  # pixels to the left of every figure, so that figures below each other are aligned
 
 

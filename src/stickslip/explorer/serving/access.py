@@ -35,7 +35,7 @@ from stickslip.explorer.serving.wire import WIRE
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 _ROUTES = re.compile(r"(/|/ws|/static/js/bokeh[a-z-]*\.min\.js|/favicon\.ico)\Z")
 _FULL = "Too many pages are open. Close some of them and reload this one."
-# characters of a message: a question, quoted, and what stands around it
+# characters of a message: a quoted request and its envelope
 _MOST_RECEIVED = 2 * MOST_MESSAGE + 10_000
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <meta name="viewport" content="width=device-width"><title>stickslip</title>

@@ -25,7 +25,7 @@ from stickslip.explorer.serving.session import Session
 from stickslip.explorer.serving.wire import WIRE, Wire
 
 _FILES = Path(__file__).parents[1] / "page"
-# In the order in which they need each other.
+# In the order of their dependences.
 SCRIPTS = (
     *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock"),
     *("takeaway", "branches", "map", "friction", "evolution", "data", "start"),

@@ -61,9 +61,9 @@ REGIMES: Mapping[Outcome, str] = {
 UNCERTAIN = "/"
 """Hatching of whatever else is shown without a certificate."""
 
-_INCH = 6  # lines of a hatch in an inch, for each letter that stands for it
-_FINEST = 5  # letters; more would be black
-_ACROSS = 1.5  # lines through a cell, at least, unless they are too fine
+_INCH = 6  # lines of a hatch per inch, for each letter of its pattern
+_FINEST = 5  # largest number of letters; more would be black
+_ACROSS = 1.5  # smallest number of lines through a cell, unless they are too fine
 # widths of lines and of the white around them, for contrast on dark colours
 _THIN, _HALO = 0.6, 2.2
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from stickslip.figures.drawing.style import paper_style
 from stickslip.page import Html, image, paragraph
 
-_DOTS = 100  # per inch, on a screen
+_DOTS = 100  # dots per inch on a screen
 
 
 def embedded(draw: Callable[[], Figure]) -> Html:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 NORMAL = "normal_"  # prefix of the names of normal forces; names of contacts do not begin with it
-JOINED = " + "  # between the names of contacts that are one, which no name has
+JOINED = " + "  # between the names of combined contacts; names do not contain it
 
 
 def key_of(name: str) -> str:

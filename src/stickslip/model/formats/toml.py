@@ -20,7 +20,7 @@ _MOST_OF_FILE = 200_000_000
 _PACKED = re.compile(r'packed = "[A-Za-z0-9+/=]*"')  # packed samples, which are read in one step
 _LONG_LINE = 150
 
-# The time that tomllib needs grows with the square of the number of parts of a key.
+# The time that tomllib takes grows with the square of the number of parts of a key.
 _DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PLAIN_TEXT = re.compile(r"[A-Za-z0-9+/= ]*\Z")

@@ -38,13 +38,12 @@ from stickslip.translator import compiled
     LEFT_ALONE,
 ) = range(11)
 _OF_A_FIT = 11
-# Rows that only forces need (:mod:`stickslip.motion.audit.forces`): what a contact does, and the
-# size of its force; its force in the mode; a force that others come on top of; by link,
-# coefficients of friction; and by contact, differences to the force in the mode, at both ends of a
-# piece.
+# Rows that only forces need (:mod:`stickslip.motion.audit.forces`): the state of a contact, and the
+# size of its force; its force in the mode; a force added to by others; by link, coefficients of
+# friction; and by contact, differences from the force in the mode, at both ends of a piece.
 RESTS, FORCE_SIZE, IN_MODE, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
-_FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
-_MOST_RAYS = 60  # tried for each contact
+_FLAT = 16.0 * EPSILON  # remainder relative to the requested force below which it is zero
+_MOST_RAYS = 60  # largest number of rays for each contact
 
 
 @compiled()

@@ -71,7 +71,7 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 NEAR, MODE_BEFORE, CHOSEN = range(3)
 MOST_MODES = 65536  # largest number of modes that are tried
 _MOST_TURNS = 60  # largest number of iterations for the directions in planes
-_HOLDS = 1e-8  # part of the largest velocity that what is held may have
+_HOLDS = 1e-8  # velocity of a held contact relative to the largest velocity
 
 
 @compiled()

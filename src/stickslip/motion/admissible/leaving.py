@@ -46,10 +46,10 @@ from stickslip.motion.steps.contacts import directions_of, inertial_contacts, se
 from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_at
 from stickslip.translator import compiled
 
-_PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
+_PROVED = 1e-11  # violation of a rest between control points relative to the thresholds
 _SOON = 1e-3  # fraction of a step
 _JUST_BEFORE = 1e-9  # relative step back to an earlier time at which rest is tested
-_MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
+_MOST_CUTS = 40  # largest number of mechanisms tried in the search for the one that begins
 
 
 @compiled(brief=True)

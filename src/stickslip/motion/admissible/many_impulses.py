@@ -64,18 +64,18 @@ from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.translator import compiled
 
-# More rows of Space.impact: impulses of relaxation; how hard slips in planes are to turn.
+# More rows of Space.impact: impulses of relaxation; stiffness of the rotation of slips in planes.
 _RELAXED, _TURNS = range(15, 17)
-# More rows of Space.tried: what slips although it was at rest; and the places of unknowns among the
-# equations.
+# More rows of Space.tried: contacts that slip although they were at rest; and the positions of
+# unknowns among the equations.
 _RELEASED, _PLACE = 3, 5
-_YIELDS = 1e-6  # part of its own response by which each of many contacts yields
-_WRONG = 1e-12  # part of the largest by which something has the wrong sign
-_PATIENCE = 6  # times that all wrong modes are changed together while they do not become fewer
-_FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
+_YIELDS = 1e-6  # compliance of each of many contacts, relative to its own response
+_WRONG = 1e-12  # relative to the largest: smaller values do not have the wrong sign
+_PATIENCE = 6  # times that all wrong modes are changed together although their number does not fall
+_FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # number of relaxation sweeps
 _EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
 _EXACT, _NEARLY, _HOLDS = 1e-15, 1e-12, 1e-10
-_STRAIGHT = 1e-3  # turn of slips in planes that is small
+_STRAIGHT = 1e-3  # largest rotation of slips in planes that counts as small
 # smallest determinant of two distinct contacts, relative to the product of its diagonal
 _REGULAR = 1e-12
 

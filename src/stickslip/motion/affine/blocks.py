@@ -18,13 +18,13 @@ _FOLLOWS = -1
 _LEADS = -2
 
 _CONDITION = 1e4
-_FASTEST = 1e9  # eigenvalue; what is faster has an extreme unit of time
-_KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
-_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
-_REAL = 1e-12  # imaginary part of an eigenvalue, relative to the largest, that is rounding
+_FASTEST = 1e9  # largest eigenvalue; larger ones have an extreme unit of time
+_KNOWN = 1e-11  # relative change of an eigenvalue by rounding errors of the matrix
+_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, for a division
+_REAL = 1e-12  # imaginary part of an eigenvalue relative to the largest that is a rounding error
 _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
-# Rounding where a zero belongs would make every signal look as if it had all parts.
-# relative to the largest component of an eigenvector: smaller components are regarded as zero
+# Component relative to the largest of an eigenvector that is regarded as zero; otherwise every
+# signal would seem to contain all parts.
 _ABSENT = 4e-15
 
 

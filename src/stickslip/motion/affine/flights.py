@@ -42,10 +42,9 @@ from stickslip.motion.modes.guards import switch_of
 from stickslip.numerics.levels import ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-# rounding errors by which the guard of a switch that has just fired may be away from zero, where it
-# is by definition
+# rounding errors allowed for the guard of a switch that has just fired, which is zero by definition
 _FIRED_ROUNDINGS = 1e5
-_LOST = 1e-4  # part of its terms: a smaller component has lost too many digits
+_LOST = 1e-4  # relative to its terms: a smaller component has lost too many digits
 UNKNOWN = -2  # returned instead of a guard, if the flight cannot be computed
 # Kinds of signals
 _NEVER = 0

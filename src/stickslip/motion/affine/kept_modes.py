@@ -22,9 +22,10 @@ from stickslip.arrays import (
 )
 from stickslip.translator import compiled
 
-_FEWEST = 16  # states: the problem of fewer costs no more than the comparisons
-_MOST = 64  # modes that are kept
-_ROOM = 2**26  # bytes that they take, at most; without a mode in it, a slot takes none
+# smallest number of states: for fewer, recomputation costs no more than the comparisons
+_FEWEST = 16
+_MOST = 64  # number of modes that are kept
+_ROOM = 2**26  # largest number of bytes for them; an empty slot takes none
 NOT_KEPT = -2  # instead of the number of blocks
 USED, NEXT = range(2)
 

@@ -47,8 +47,8 @@ from stickslip.translator import compiled
 _PROBE = 2.0**200
 _AGES = 2.0**300  # the same for slopes in time, if there are no harmonic drives
 _TURNS = 3.0  # periods of the slowest harmonic drive over which the drives are sampled
-_CHECKS = 4  # points at which the matrices are checked
-_WELL = 1e-2  # smallest of the singular values of a fit, relative to the largest
+_CHECKS = 4  # number of points at which the matrices are checked
+_WELL = 1e-2  # smallest singular value of a fit, relative to the largest
 _SWEEPS = 30
 
 

@@ -25,9 +25,9 @@ _MOST_WINDOWS = 100_000
 _WINDOW_ORDER = 22
 # length of a window in which the polynomial is exact, relative to the time scale of a term
 _WINDOW = 1.5
-_LONGER = 4.0  # a window in which one exponential more may be replaced by its bound
+_LONGER = 4.0  # factor on a window for which one more exponential may be replaced by its bound
 _LONGEST = 700.0  # largest argument of the exponential function that does not overflow
-_EXACT = 1e-16  # relative error of a root that no further step can lessen
+_EXACT = 1e-16  # relative error of a root that further steps do not reduce
 # fraction of π: a signal this close to its minimum starts there, where it is flat to √ε
 _SHORT_ARC = 1e-7
 

@@ -18,7 +18,7 @@ from stickslip.equations.codegen.series import invert
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
-_MOST_STEPS = 60  # Francis steps until an eigenvalue or two are found
+_MOST_STEPS = 60  # largest number of Francis steps for one or two eigenvalues
 _STALLED = 10  # steps after which other shifts are tried
 _SMALL_CHANGE = 1e-3  # largest relative change of an eigenvector that is applied
 # smallest relative decrease of the norms of row and column for which balancing is applied

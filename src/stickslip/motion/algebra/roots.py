@@ -15,10 +15,10 @@ from stickslip.numerics.levels import HALVINGS, ONE_ULP
 from stickslip.translator import CONTRACTED, RELAXED, compiled
 
 MAX_DEGREE = 32
-# orders that decide most of the time, where the step is so small that the others hardly matter
+# number of orders that usually suffice, if the step is so small that the others hardly matter
 _QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
-# Behind the coefficients of a subinterval: where it starts, and how long it is.
+# After the coefficients of a subinterval: its start and its length.
 _START, _WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
 # largest relative change of the slope for which a zero at the start is divided out exactly
 _SPLIT = 1e-3

@@ -97,9 +97,9 @@ from stickslip.translator import compiled
 # Entries of the row RESTS: a contact that is closed or sticks in the mode (HOLDS); one that rests
 # although it is open or loose in the mode (TOUCHES); one that slides (RUBS). Others are 0.
 HOLDS, TOUCHES, RUBS = 1, 2, -1
-_SAME = 1e-11  # relative difference of quantities that have to be the same
+_SAME = 1e-11  # relative difference of equal quantities
 _LITTLE = 1.5e-9  # fraction of the bounds below which there is no margin
-_INSIDE = 4  # trials, with smaller and smaller margins from the bounds of the law
+_INSIDE = 4  # number of trials, with decreasing margins from the bounds of the law
 
 
 @compiled(brief=True)

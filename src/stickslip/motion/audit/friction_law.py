@@ -46,7 +46,7 @@ from stickslip.motion.steps.sets import (
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
-_LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong
+_LATE = 4.0 * EPSILON  # relative error of the time of a kink or an event
 
 
 @compiled()

@@ -25,7 +25,7 @@ LASTED, STUCK = range(2)
 """Slots of :attr:`Sums.total`."""
 
 _LEFT, _WIDTH = 33, 34  # left end and width of an interval, stored after its Bernstein coefficients
-_DEEPEST = 40  # halvings
+_DEEPEST = 40  # largest number of halvings
 
 
 class Sums(NamedTuple):

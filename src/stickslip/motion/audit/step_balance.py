@@ -94,7 +94,7 @@ from stickslip.numerics.levels import ENERGY_SCALE, EPSILON, INSTANT, ROUNDING, 
 from stickslip.translator import compiled
 
 _MOST_PIECES = 512  # largest number of pieces of a Taylor step
-_ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+_ROUNDINGS = 8.0  # rounding errors of a rate relative to the size of its terms
 # square root of the number of pieces after which rounding errors of the state are not negligible
 _WALK = 16.0
 

@@ -28,7 +28,7 @@ from stickslip.symbolic.tape import Op
 from stickslip.translator import compiled
 
 _RECIPROCAL, _EXP = int(Op.RECIPROCAL), int(Op.EXP)
-_LARGE = 700.0  # arguments for which the exponential function does not overflow
+_LARGE = 700.0  # largest argument for which the exponential function does not overflow
 
 
 @compiled()

@@ -64,7 +64,7 @@ from stickslip.motion.discs.tables import (
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import RELAXED, compiled
 
-_WIDER = 1.05  # factor between what bounds such a rate and what is tried
+_WIDER = 1.05  # ratio of a trial bound to the computed bound of such a rate
 _TURNS = 6  # largest number of iterations for an enclosure of a rate that solves an equation
 # largest number of iterations for bounds of the rates of the rate-independent coordinates
 _SWEEPS = 40

@@ -69,11 +69,11 @@ NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # More rows of Space.impact: velocities before the first of several impacts; the changes of the
 # rates in all of them, by coordinate; restitution, also of contacts that separate.
 _FIRST, _TOTAL, _GIVEN = range(12, 15)
-_CLOSED = 4  # row of Space.tried: all that are closed while only some take part
+_CLOSED = 4  # row of Space.tried: all closed contacts, while only some take part
 _FEW_MODES = 216  # number of modes up to which all are tried: three feet with friction along a line
 _MOST_TURNS = 20000  # largest number of sequential impacts
-_NONE_LEFT = 1e-29  # part of the energy of the first approach below which there is none
-_EQUAL = 1e-9  # part by which energies of approach are equal
+_NONE_LEFT = 1e-29  # energy relative to that of the first approach below which impacts end
+_EQUAL = 1e-9  # relative difference of equal energies of approach
 
 
 @compiled()

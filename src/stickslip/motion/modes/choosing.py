@@ -63,8 +63,8 @@ _SLACKEST = 1e6
 _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
-_OVER = 16.0  # steps that the time just tells apart, in one that leads over a singularity
-_TOGETHER = 16  # times that the switches of different components are flipped together
+_OVER = 16.0  # length of a step over a singularity, in the shortest steps that times resolve
+_TOGETHER = 16  # number of times that the switches of different components are flipped together
 
 
 @compiled()

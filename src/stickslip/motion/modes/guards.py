@@ -42,7 +42,7 @@ from stickslip.translator import RELAXED, compiled
 
 # largest length of a slip in a plane, in the shortest steps that times resolve
 _LONGEST_END = 1024.0
-_LATE = 2.0 * EPSILON  # part of a time by which that of an event may be wrong
+_LATE = 2.0 * EPSILON  # relative error of the time of an event
 _DOUBTFUL = 1e-12  # fraction of a threshold: this close to zero it may have become negative
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;

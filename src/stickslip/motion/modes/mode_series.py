@@ -52,9 +52,9 @@ from stickslip.numerics.levels import EPSILON, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
 _PAST = 1.0625  # end of the step that contains a kink, relative to the time to the kink
-# parts of a step, and of the time, within which a kink is the one that has been passed
+# relative to a step, and to the time: a kink this close is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
-_LOOSER = 1e4  # tolerances by which rates at the end of a step may differ from the predicted ones
+_LOOSER = 1e4  # difference of the rates at the end of a step from the predicted ones, in tolerances
 
 
 @compiled()

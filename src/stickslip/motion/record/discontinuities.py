@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
+_SMALL = 3e-8  # fraction of the first speed of bounces below which they are combined
 
 
 class Discontinuity(NamedTuple):

@@ -39,10 +39,11 @@ OFF_SURFACE = 3
 REJECTED = 4
 OVERFLOW = 5
 
-MOST_SHARED = 64  # contacts whose forces an audit may share in another way: their work space is n²
-MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
+MOST_SHARED = 64  # largest number of contacts with shared forces in an audit: its work space is n²
+# largest number of components of a state with implicit steps: their work space is n²
+MOST_IMPLICIT = 500
 AUDIT_NODES = 18  # largest number of nodes of an audit in a piece of a step
-PER_FACE = 24  # rows of Space.facing for each face
+PER_FACE = 24  # number of rows of Space.facing for each face
 NOWHERE = -1  # no row
 NONE_YET = 9  # no mode of a contact
 
@@ -73,7 +74,7 @@ PART, SEAT = range(2)
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # smallest order of a Taylor series
-AIMS = 15  # rows of Space.aims for each plane; see stickslip.motion.steps.response
+AIMS = 15  # number of rows of Space.aims for each plane; see stickslip.motion.steps.response
 # Columns of Rows.planes: the first direction, the first row of the direction of its slip (the
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose

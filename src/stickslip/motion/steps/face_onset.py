@@ -49,12 +49,12 @@ from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_
 from stickslip.numerics.levels import FIRED, LOWERED, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 
-_ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
-_FINEST = 1e-7  # … at last, in parts of its value without friction
-_SETTLED = 1e-15  # part of its terms by which it may fail at last
-_MOST_CUTS = 40  # halvings of a step
-_DEPENDENT = 1e-9  # part of D below which a direction is one in which the face is held
-_IMPROVES = 1e-6  # part of its size by which a rate has to improve for another turn
+_ROUNDED = 0.1  # factor by which the rounding-off of R decreases per iteration
+_FINEST = 1e-7  # … and its final value relative to R without friction
+_SETTLED = 1e-15  # final residual relative to its terms
+_MOST_CUTS = 40  # largest number of halvings of a step
+_DEPENDENT = 1e-9  # relative to D: a direction with less is one in which the face is held
+_IMPROVES = 1e-6  # relative improvement of a rate that justifies another iteration
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
 # that inverse, rates of probes (then what holds directions), equations, what is solved for, p and
 # its change.

@@ -49,15 +49,15 @@ from stickslip.motion.steps.response import (
 from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 
-# Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
-# 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
+# Relative to its terms: a smaller order of |Au| is zero. Rest of a body is proved up to 1e-11 of
+# the thresholds (`leaving.py`), so a slip may begin later by that.
 NEGLIGIBLE = 1e-10
-MOST_LEADING = 5  # orders of |Au| that may vanish
-_ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
-_FINEST = 1e-9  # … at last, in parts of the accelerations without friction
-_ACROSS = 1e-13  # square of the part of a velocity across others
-_FULL = 1e-4  # part of the friction that what begins to slip may lack then
-_SURE = 1e-9  # change of Newton's method below which it has settled
+MOST_LEADING = 5  # largest number of vanishing orders of |Au|
+_ROUNDED = 0.1  # factor by which the rounding-off of |u| decreases per iteration
+_FINEST = 1e-9  # … and its final value relative to the accelerations without friction
+_ACROSS = 1e-13  # squared fraction of a velocity that is perpendicular to others
+_FULL = 1e-4  # fraction of the friction that may be missing at the beginning of a slip
+_SURE = 1e-9  # step of Newton's method at which it has converged
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)

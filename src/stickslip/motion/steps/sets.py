@@ -45,7 +45,7 @@ PER_FORMULA = 13
 _ANGLES = 32  # number of directions in which the forces of a formula are compared with S
 _MOST_TURNS = 32  # largest number of Newton iterations between these directions
 _HALVINGS = 50  # number of bisections of the segment into a set
-_ANGLE_KNOWN = 1e-9  # part of an arc within which the nearest point of it is known
+_ANGLE_KNOWN = 1e-9  # fraction of an arc within which its nearest point is known
 
 
 @compiled()

@@ -84,8 +84,8 @@ from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
 _ANGLES = 24  # number of angles that are tried first
-_LATE = 64.0  # errors of a time, or of a velocity, by which what is zero may be away from it
-_RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
+_LATE = 64.0  # zero threshold in errors of a time, or of a velocity
+_RANK_ONE = 64.0 * EPSILON  # eigenvalue relative to the largest below which it is zero
 # largest number of iterations for slips that begin together, and for a secular equation
 _MOST_TURNS = 60
 

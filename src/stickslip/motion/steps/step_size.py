@@ -49,24 +49,24 @@ from stickslip.numerics.levels import EPSILON, INSTANT, ROUNDING
 from stickslip.translator import compiled
 
 LEAST_SIZE = 1e-250  # smaller sizes are regarded as zero
-# part of the largest place, or velocity, below which others are nothing, too: what is far from all
-# that moves begins like a high power of time
+# fraction of the largest displacement, or velocity, below which others are zero, too: a component
+# far from all that moves begins like a high power of time
 FAINT = 1e-30
-_MOST_FAINT = 8  # steps that are tried for those
+_MOST_FAINT = 8  # largest number of steps that are tried for those
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
 _LONG = 2.0**10  # longest one
 COARSER = 2.0**-16  # factor on a unit of time in which coefficients overflow
 MOST_UNITS = 60  # largest number of units that are tried
-_MOST_CUTS = 1100  # halvings from the largest number to nothing
+_MOST_CUTS = 1100  # number of halvings from the largest number to zero
 _DENSE = 6  # lowest order of a last term from which the decay of the terms of a row is estimated
-# parts of the time to the end of a slip: by how much, at least, a step goes beyond it, or up to
-# where one goes for which that is too long
+# fractions of the time to the end of a slip: smallest excess of a step beyond it, and length of a
+# step if that is too long
 _BEYOND, _WELL_BEFORE = 2.0**-10, 0.75
 _MOST_TURNS = 20  # largest number of Newton iterations
-# radii of the discs that are looked at, in steps: what grows is bounded better by a wide one, what
-# has a singularity near by, as a slip in a plane that is braked has, by a narrow one
+# radii of the discs in steps: growth is bounded better by a wide disc, a nearby singularity, as in
+# a slip in a plane that is braked, by a narrow one
 _WIDE, _NARROW = 2.0, 1.4
-_LOOSE = 1e-3  # part of its size that may be hidden in a row
+_LOOSE = 1e-3  # relative size of hidden terms of a row that is accepted
 
 
 @compiled()

@@ -70,15 +70,14 @@ from stickslip.translator import compiled
 _AT_THE_END = 1e-3  # fraction of a step that ends a slip: distance to its end regarded as close
 # factor on the tolerances when a motion is recomputed, relative to those that found it
 _COARSER = 1e3
-# tolerances that the terms of a third of the order may have where a step is bounded by what decays
-_CALM = 1e5
-# rounding errors of forces in the time of a series, to which what is zero by symmetry amounts in
-# these terms; a stiff oscillation that is larger is a motion
+_CALM = 1e5  # terms of a third of the order, in tolerances, for which decay limits a step
+# terms that are zero by symmetry, in rounding errors of the forces during a series; a larger stiff
+# oscillation is a motion
 _LOST = 16.0
-_TURNS = 30.0  # radians of an oscillation that no polynomial of a step can follow
-WATCHED = 32  # such steps in succession, before a polynomial is tried
-RESTING = 2048  # and after one has not been worth its cost
-_MOST_TRIES = 12  # lengths of a polynomial
+_TURNS = 30.0  # radians of an oscillation that a polynomial of a step cannot represent
+WATCHED = 32  # number of such steps in succession before a polynomial is tried
+RESTING = 2048  # number of steps after a polynomial that did not repay its cost
+_MOST_TRIES = 12  # largest number of lengths of a polynomial
 
 
 @compiled()

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _FAR = 1.0  # reach of a chart, in units of the size of the cycle
 NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is not a cycle
-_SLANTED = 0.3  # least cosine between the motion and the normal of its section
+_SLANTED = 0.3  # smallest cosine between the motion and the normal of its section
 KNOWN_TO = 1e-13  # accuracy of a motion relative to the size of the cycle
 CLOSES_TO = 1e-11  # largest closure error, in the same units, if Newton's method can improve it
 WIDTH = 0.25  # unit of the parameter as a fraction of its range
@@ -41,7 +41,7 @@ _VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
 _HALVED = 2e-2
 _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
-_NO_SLOPE = 1e-7  # slope of the parameter along the curve that is that of a fold
+_NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
 class OutOfChart(StickslipError):

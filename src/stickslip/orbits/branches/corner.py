@@ -51,7 +51,7 @@ _BESIDE = 1e-9
 _MOST = 400  # largest number of steps towards a corner
 # a station nearer to the end of its phase, as a fraction of it, is not evidence of a return
 _EDGE = 0.1
-# least cosine between the direction beyond a corner and the chord to the point found there
+# smallest cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
 _BACK = -1.0 + 1e-6  # cosine below which a direction leads backwards
 _DIRECTIONS = 3  # number of directions that are tried sequentially
@@ -65,7 +65,7 @@ _FURTHER = 100.0
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 _THERE = 1e-6  # … at which its derivatives are evaluated …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and at which cycles are searched for, …
-_NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
+_NEARER = (3e-8, 1e-8)  # … closer if the branch bends too much on the way
 _LENGTHS = (1e-5, 1e-4, 1e-6)  # lengths of steps along an edge; one of them leads to a cycle
 
 

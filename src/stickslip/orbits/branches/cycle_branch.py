@@ -78,7 +78,7 @@ from stickslip.stopping.scopes import limited
 _STEPS = StepControl(
     first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO, left=CLOSES_TO
 )
-_IN_CHART = 8  # points before the chart is renewed
+_IN_CHART = 8  # number of points before the chart is renewed
 _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is renewed
@@ -89,7 +89,7 @@ _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 # corners this near, relative to the range and the size of a cycle, are regarded as one
 _SAME = 1e-6
 _SMALLER = 0.1
-_TINY = 1e-5  # … down to this part of the state
+_TINY = 1e-5  # … down to this fraction of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
     from stickslip.orbits.cycles.cycle import Cycle
 
-APART = 0.3  # neighbours on a branch are at most so far from each other …
-TWICE = 1e-10  # … and at least so far: nearer ones are one
+APART = 0.3  # largest distance of neighbours on a branch …
+TWICE = 1e-10  # … and smallest one: nearer cycles are regarded as one
 _STEP = {
     "long_name": "distance from the previous point: largest change of parameter, period and "
     "ranges, relative to those of the branch"

@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 _STEPS = StepControl(first=0.005, largest=0.02)
 MOST_PIECES = 50
 """Modes and regions that a branch of equilibria passes at most."""
-_AHEAD = 1e-3  # part of a first step, over which the guards beyond a boundary are compared
+_AHEAD = 1e-3  # fraction of a first step over which the guards beyond a boundary are compared
 _REAL = 1e-8  # imaginary part, relative to an eigenvalue, that is rounding: √ε where two meet
 
 

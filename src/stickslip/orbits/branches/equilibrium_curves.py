@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STEPS = StepControl(first=0.005, largest=0.02)
-_BESIDE = 1e-4  # part of the range of a parameter, over which eigenvalues are compared
+_BESIDE = 1e-4  # fraction of the range of a parameter over which eigenvalues are compared
 Numbers = Callable[[Array], dict[str, float]]
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     pass
 
 
-# a located multiplier or slope is this close to its critical value, else it jumps there
+# largest distance of a located multiplier or slope from its critical value, unless it jumps
 _NEAR = 1e-4
 _FLAT = 1e-9  # values of a test function that are rounding errors
 _MOST_CHANGES = 8  # largest number of changes located within one step
@@ -39,14 +39,14 @@ _TOGETHER = 1e-6  # changes that are nearer to each other are regarded as one
 _APART = "the cycles on both sides of a sequence change do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # note of a fold
 _NEARBY = 0.1  # a cycle this near, as a fraction of the step, is preferred to the ends of the step
-# distance from a change at which derivatives are those of that side
+# distances from a change at which derivatives are those of that side
 _ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
 # slope of the parameter at a fold; the error of the fold is of the order of its square
 _TURNS = 1e-8
 # distances from a change at which the onset of stick is searched for
 _AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
 _CLOSE = 1e-13  # length of the enclosure of a change
-_FINE = 1e-11  # corrector's tolerance where a change is located
+_FINE = 1e-11  # tolerance of the corrector when a change is located
 
 
 @dataclass(frozen=True)

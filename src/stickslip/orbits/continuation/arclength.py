@@ -53,9 +53,10 @@ Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
 _BRIDGE = 1e-4  # longest step over which the orientation of the curve may change
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
-# a test function that is this small, relative to its values at the ends of a step, is zero, …
+# a test function this small, relative to its values at the ends of a step, is zero, …
 _ZERO = 1e-13
-# … and what is larger and has not shrunk by the second part for a few looks is rounding
+# … and a larger one that does not decrease by the second factor in a few evaluations is a rounding
+# error
 _SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
 _SOLVES = 1e-11  # residual of the equations, relative to their derivatives, at which curves cross
 # points that are nearer to each other, as a fraction of the step, are regarded as one

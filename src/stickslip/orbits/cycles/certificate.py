@@ -25,14 +25,14 @@ from stickslip.orbits.return_map.following import arrivals, follow_state
 from stickslip.orbits.return_map.mode_sequence import sequence
 from stickslip.orbits.return_map.shooting import parameter_values
 
-# least range of a cycle, relative to the state: below, its size is not known to the tolerance
+# smallest range of a cycle, relative to the state: below it, its size is not known to the tolerance
 _MOVES = 1e-7
 _UNCHANGED = (
     1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
 )
-_FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
+_FORGOTTEN = 1e-9  # fraction of a change that remains after a contact has stuck
 _AGREES = 1e-4  # largest relative difference between returns of neighbours and their multipliers
-# … so far away, in units of the size of the cycle; the nearer where other modes are near
+# … distances of neighbours in units of the size of the cycle; small ones if other modes are near
 _APART = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
 
 

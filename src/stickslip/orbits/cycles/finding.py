@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 _NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
-_SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
+_SETTLED = 1e-3  # a motion that returns this close at the end of its time has nearly converged
 LAST_SPANS = 27.0  # number of spans over which such a motion is examined
 _FAR = 1.0  # a cycle that has moved farther, relative to its size, is not extrapolated
 _ROUNDS = 3  # largest number of searches for transformations that leave the system unchanged
@@ -63,11 +63,11 @@ _STILL = 1e-13  # range of a component at rest, relative to its modulus
 _AGREES = 0.3
 # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
 _COLLAPSED = 1e-4
-_REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
+_REPELS = 1e-6  # no motion converges to a cycle with a multiplier this far outside the unit circle
 _LOOK = 0.01  # fraction of the span over which the velocity of a steady motion is measured
 _STEADY = 1e-10  # change of the state, relative to it, that is regarded as zero
 _TURNS = 100.0  # periods of a drive that are simulated first, if no time span is given
-_DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
+_DIES_OUT = 1e-2  # a motion whose extent has decreased to this fraction decays
 
 
 def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | None) -> Closed:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 _STEPS = 64  # steps of the motion between two normalisations
-_MOST = 256  # stretches that are looked at, from the end
-_BLOCKS = 8  # parts of the motion whose exponents are compared
-_CERTAIN = 3.0  # standard errors by which an exponent is positive
+_MOST = 256  # largest number of stretches, counted from the end
+_BLOCKS = 8  # number of parts of the motion whose exponents are compared
+_CERTAIN = 3.0  # number of standard errors by which an exponent has to be positive
 _FORGOTTEN = 1e-12  # size of a change of unit size after sticking contacts have removed it
 
 

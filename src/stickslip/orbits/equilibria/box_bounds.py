@@ -19,7 +19,7 @@ from stickslip.symbolic.intervals import EVERYTHING, LOOSE
 
 # relative to 1 + the modulus: distances of boxes and of states from them that are rounding errors
 _MEETS = 1e-7
-_TURNS = 12  # multiples of the longest period that are tried for a common one
+_TURNS = 12  # largest multiple of the longest period that is tried as a common one
 
 if TYPE_CHECKING:
     from stickslip.orbits.equilibria.level_sets import LevelSet

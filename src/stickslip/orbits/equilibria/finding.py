@@ -43,10 +43,10 @@ from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
-_MOST = 4096  # modes times regions that are all tried
+_MOST = 4096  # largest number of modes times regions that are all tried
 _STARTS = 63
-_KNOWN = 1e-9  # ends of sets, relative to their size
-_POLISH = 4  # Newton steps that put a point well inside a set onto its equations
+_KNOWN = 1e-9  # error of the ends of sets, relative to their size
+_POLISH = 4  # number of Newton steps that move a point inside a set onto its equations
 # smallest unit of a component (absolute): zero states are not compared with rounding errors
 _LEAST_UNIT = 1e-6
 _SAME_POINT = 1e-7  # distance, in these units, of points found on two sides of a boundary

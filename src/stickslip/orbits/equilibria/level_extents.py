@@ -26,9 +26,9 @@ from stickslip.symbolic.boxes import enclosures
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.intervals import LOOSE
 
-_EXACT = 1e-12  # gap of an extent that will do, relative to its size
-_MOST_EXTENT = 40_000  # boxes in which extents are looked for
-_ROUNDS = 120  # divisions in the search for extents
+_EXACT = 1e-12  # accepted gap of an extent relative to its size
+_MOST_EXTENT = 40_000  # largest number of boxes in the search for extents
+_ROUNDS = 120  # largest number of divisions in the search for extents
 
 
 @np.errstate(all="ignore")

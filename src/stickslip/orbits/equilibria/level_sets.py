@@ -38,12 +38,12 @@ from stickslip.symbolic.intervals import LOOSE
 
 _MOST = 20_000  # largest number of boxes
 _FEW = 64  # number of boxes up to which each is divided into four, above it into two
-_FINEST = 1e-22  # least width of a box at 0, in units of the range looked at
+_FINEST = 1e-22  # smallest width of a box at 0, in units of the range
 _OUTER = 6  # number of divisions of boxes outside the range
-FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
-MOST_CORNERED = 3  # unknowns up to which all corners of boxes count as directions
-_LEAST = 5e-324  # a negative number that is not known better
-_MOST_ROWS = 60  # sums of conditions that are tried far out
+FURTHEST = 1e9  # largest distance at which unbounded boxes begin, in the same units
+MOST_CORNERED = 3  # number of unknowns up to which all corners of boxes count as directions
+_LEAST = 5e-324  # magnitude of a negative number that is not known better
+_MOST_ROWS = 60  # largest number of sums of conditions for unbounded boxes
 _TIE = 1e-6  # weight of the width of a side, which decides only between equal changes
 
 

@@ -16,8 +16,8 @@ _POLISH = 4
 _HELD = 1e-8  # relative to the largest entry, added to the diagonal: holds irrelevant components
 # damping of Levenberg's method for which steps equal Newton's up to rounding errors
 _LEAST_DAMPING = 1e-14
-_FOUND = 1e-24  # sum of squares of scaled equations, to which starts are improved
-_APART = 1e-6  # distance of zeros that are two, in units of the state
+_FOUND = 1e-24  # sum of squares of scaled equations at which the improvement of starts ends
+_APART = 1e-6  # smallest distance of different zeros, in units of the state
 
 
 def fill_box(count: int, low: Array, high: Array) -> Array:

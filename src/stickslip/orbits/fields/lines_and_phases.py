@@ -33,7 +33,7 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_MOST_CELLS = 24  # phases turn by whole numbers with a ratio of at most this
+_MOST_CELLS = 24  # largest integer in the ratio of phases
 
 Slopes = dict[str, Expr]
 """Of a line or phase, by the names in it."""

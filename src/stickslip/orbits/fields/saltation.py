@@ -49,16 +49,16 @@ _UNEXPLAINED = "the impulses do not depend smoothly on the state before the impa
 _AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
 _CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
 _TOO_MANY = "the sequence of impacts does not end"
-_MOST_TURNS = 400  # sequential impacts
+_MOST_TURNS = 400  # largest number of sequential impacts
 _NONE_LEFT = 1e-28  # energy of an approach, relative to the first one, that counts as zero
 _EQUAL = 1e-8  # relative difference of energies of approach that counts as zero
-_MOST_COMPARED = 128  # modes of an impact
+_MOST_COMPARED = 128  # largest number of modes of an impact that are compared
 _CORNER = 1e-9  # relative error of a jump up to which two modes are both considered to explain it …
 _APART = 1e-6  # … and relative difference of their derivatives above which they are different
 _CLOSED = 1e-10  # gap, relative to the coordinates, below which a contact is closed
 _SAME = 1e-7  # error of a jump, relative to the velocities, that is accepted …
 _EXACT = 1e-11  # … and that counts as zero
-_MOST_MODES = 4096  # modes of an impact that are tried
+_MOST_MODES = 4096  # largest number of modes of an impact that are tried
 
 
 class Landing(NamedTuple):

@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from stickslip.convex.formula import ConvexFormula
     from stickslip.motion.trajectory import Trajectory
 
-_DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
-_RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
+_DEPENDENT = 1e-10  # relative distance of a direction from the span of others on which it depends
+_RESOLVED = 1e-10  # fraction of the time below which a step is too short to be sampled
 # angles and refinements in the search for the direction in which a slip begins
 _ANGLES, _POLISH = 400, 12
-_CLOSE = 1e-12  # part of a step before its end
+_CLOSE = 1e-12  # fraction of a step before its end
 _LEAST_TERM = 1e-12  # relative to the largest norm: smaller norms are replaced by it in divisions
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # iterations and tolerance of the search for a mechanism
 

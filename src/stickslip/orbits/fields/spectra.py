@@ -13,9 +13,9 @@ from stickslip.numerics.levels import LEFT_OUT, ZERO_EIGENVALUE
 from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, Spectra
 
 _CONDITION = 1e4  # condition of eigenvectors, in any units, above which they are nearly dependent
-_ROUNDING = 1e-11  # part of an eigenvalue that may be rounding
-_MOST = 256  # decomposed matrices of a system that are kept
-_ROOM = 2**26  # bytes that they take, about
+_ROUNDING = 1e-11  # relative rounding error of an eigenvalue
+_MOST = 256  # number of decomposed matrices of a system that are kept
+_ROOM = 2**26  # approximate number of bytes for them
 
 
 class _Modes(NamedTuple):

@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
-_IMPACT = 4  # mode of a contact that is struck, in a phase without duration
+_IMPACT = 4  # mode of a contact in an impact, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
-_ROUNDED = 1e-6  # part of its size above which a guard rises on both sides of a minimum
-_FAR = 0.1  # a guard that comes down to this part of its size is far from zero
+# relative increase of a guard on both sides of a minimum that is more than rounding
+_ROUNDED = 1e-6
+_FAR = 0.1  # relative minimum of a guard above which it is far from zero
 LOSS = "loss of the cycle"
 
 

@@ -29,11 +29,11 @@ _MOST_PARTS = 1000
 _MOST_STEPS = 4000  # largest number of steps that are searched
 # largest number of entries of the states that are searched, if steps are divided
 _MOST_NUMBERS = 50_000
-_LEAST = 1e-3  # … of what the other components could do to one is its least size
+_LEAST = 1e-3  # … smallest size of a component, as a fraction of the effect of the others on it
 _MODE = 1e-3  # smallest size of a mode relative to the largest mode of a structure
-_CLOSER = 1e3  # … but not before one that misses by so much less
+_CLOSER = 1e3  # … but not before one whose miss is smaller by this factor
 _EXACT = 1e-9  # … or closes
-_BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
+_BETTER = 0.5  # a later return is examined if it misses by at most this fraction of all before
 _STILL = 1e-9  # spread of a component that does not move, relative to its modulus
 
 

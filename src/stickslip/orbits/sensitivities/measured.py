@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _HALVINGS = 14
 _EXACT = 1e-12  # a change by less, relative to the integral of the modulus, is rounding
-_ROUNDING = 1e-9  # the same of what may be rounding of the variation
+_ROUNDING = 1e-9  # the same if it may be a rounding error of the variation
 _SHARE = 1e-3  # smallest error allowed in a panel, as a fraction of that in a period
-_KNOWN = 1e-8  # part of its terms to which an integral has to be known
+_KNOWN = 1e-8  # required error of an integral relative to its terms
 
 
 def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dict[str, Array]:

@@ -47,11 +47,11 @@ from stickslip.orbits.settling.repetition import Repetition
 from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, changes_slowly, elapsed_of
 from stickslip.stopping.scopes import TimeUp, check_stop, flagged, watching
 
-POINT_SLOTS = 12  # closed forms of every point
-_SHARED_SLOTS = 64  # closed forms of all points
-_ROOM = 256  # knots that are measured at a time
+POINT_SLOTS = 12  # number of closed forms of every point
+_SHARED_SLOTS = 64  # number of closed forms of all points
+_ROOM = 256  # number of knots that are measured together
 _SPANS = 100.0  # spans of the system after which a motion is abandoned by default
-_LOOKS = 4.0  # in a span
+_LOOKS = 4.0  # number of looks per span
 _CROSSINGS = 100.0  # periods of a lattice after which a motion may be abandoned
 # fraction of the tolerance below which a motion is polished: its returns do not determine the error
 # exactly

@@ -55,10 +55,9 @@ _STEADY = Outcome.STEADY.code
 _PERIODIC = Outcome.PERIODIC.code
 _UNDAMPED = Outcome.UNDAMPED.code
 _NOTHING = -1
-# real parts this small, relative to the largest eigenvalue, neither grow nor die out
-_CENTRE = 1e-12
-_SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
-_LATER = 0.5  # part of the time gone by after which a proof is tried again
+_CENTRE = 1e-12  # real parts this small, relative to the largest eigenvalue, neither grow nor decay
+_SEEN = 1e-9  # amplitude of an undamped component relative to its size
+_LATER = 0.5  # fraction of the elapsed time after which a proof is tried again
 
 
 class LongTermOutcomes(NamedTuple):

@@ -20,8 +20,8 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
 
 _SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
-_ROOM = 2.0  # a guard is this many times further away than the motion can bring it
-_CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
+_ROOM = 2.0  # smallest ratio of the distance of a guard to the reach of the motion
+_CURVED = 0.25  # largest change of the Jacobian relative to the slowest decay rate
 _NEWTON = 20
 
 

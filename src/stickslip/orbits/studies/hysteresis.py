@@ -42,7 +42,8 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-_AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
+# a curve that differs from a straight line by less, relative to its values, is affine
+_AFFINE = 1e-10
 _REMEDY = (
     "The system needs two rate-independent coordinates that are coupled only by their distance "
     "and one other coordinate"

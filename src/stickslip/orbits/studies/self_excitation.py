@@ -27,8 +27,8 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 EXCITATION = "self_excitation"
 """Name of the parameter ξ that the excited system has more."""
 _STEPS = 50  # largest number of Newton iterations for the equilibrium
-_RIGID = 1e-12  # a square of a frequency below this part of the largest is 0
-_AT_REST = 1e-12  # a step of this part of the state is none
+_RIGID = 1e-12  # squared frequency relative to the largest that is 0
+_AT_REST = 1e-12  # step relative to the state that counts as zero
 
 
 @dataclass(frozen=True)

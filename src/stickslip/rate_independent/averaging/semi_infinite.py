@@ -40,13 +40,13 @@ from stickslip.rate_independent.sets.potential import Average, Dissipation, Opti
 from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
-_FORGETFUL = 6  # rounds in which constraints may go
-_CLUSTER = 0.02  # phases closer than this may be one
-_SAME = 1e-6  # phases closer than this are one
+_FORGETFUL = 6  # number of iterations in which constraints may be removed
+_CLUSTER = 0.02  # phases closer than this may be the same
+_SAME = 1e-6  # phases closer than this are the same
 _NEAR = 1e-2  # violation, as a multiple of the size of K, below which Newton's method is tried
 _SHARPEST = 1e-13  # smallest duality gap, limited by rounding errors
 _MOST_PEAKS = 16  # largest number of phases added in one iteration
-_SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
+_SURE = 0.25  # fraction of the tolerance for the part of K(s) that is not sampled
 _MEMORY = 256  # number of solutions that are stored
 _LOOKS = 192  # number of forces whose distances from K(s) are stored
 _AT_ONCE = 64  # number of forces that are examined together

@@ -26,8 +26,8 @@ from stickslip.rate_independent.sets.projections import (
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
 
-_PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
-_FLAT = 1e-12  # width of a hull that has no inside, relative to its size
+_PLANAR_UP_TO = 16  # number of points of planar hulls up to which all pairs are tested
+_FLAT = 1e-12  # width of a hull without interior, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 
 

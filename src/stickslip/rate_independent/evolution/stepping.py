@@ -20,7 +20,7 @@ from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.sets.stable_sets import largest_weight
 from stickslip.rate_independent.solvers.choose import StepSolver
 
-_LEAST = 1e-3  # smallest energy scale, as a part of the energy that the load can transfer
+_LEAST = 1e-3  # smallest energy scale, as a fraction of the energy that the load can transfer
 _LOOK_AHEAD = 64  # block size of a solver divided by the smallest number of steps computed together
 # largest excess of the forces over K during an adaptive step, as a fraction of the tolerance
 _SHARE = 0.5

@@ -28,7 +28,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator_of_numbers
 
 _EPS = float(np.finfo(float).eps)
-_MOST = 60  # damped steps
+_MOST = 60  # largest number of damped steps
 _MOST_ON_KINK = 25
 _SHORTEST = 2.0**-16  # shortest fraction of a step
 _SHORT = 0.1
@@ -41,8 +41,8 @@ _BESIDE = (1e-8, 1e-11, 1e-14)
 _SURE = 1e-10  # largest relative distance of a mean of gradients from the point that it represents
 _MOST_ON_FACE = 60
 _ON_KINK = 1e-9  # relative to |v|: a start this close to a kink lies on it
-_PROBES = 8  # random directions in which a point is compared with the support function
-_NO_PROBE = 1e-9  # length of a unit vector with a way added that is left without a direction
+_PROBES = 8  # number of random directions in which a point is compared with the support function
+_NO_PROBE = 1e-9  # smallest length of the sum of two unit vectors that has a direction
 _REACHES = (1.0, 1e-1, 1e-2, 1e-3)
 
 

@@ -24,7 +24,7 @@ _SHORTEST_SHARE = 2.0**-12  # shortest fraction of a Newton step
 _ENOUGH = 1e-11  # accepted residual, relative to the sizes of ξ and y
 # exchanges of whole blocks without progress before one index at a time is exchanged
 _BLOCK_TRIALS = 3
-_NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier remains as it is
+_NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier does not change
 _ON_SPHERE = 2e-16  # a length below 1 + ε is 1
 # violation of half-spaces by a projection, relative to the largest distance or offset
 _HOLDS = 1e-9

@@ -29,15 +29,15 @@ _COARSEST = 1e-9
 growth has a jump."""
 _FIRST_PANELS = 4
 MOST_PANELS = 2**18  # largest number of panels of a fit
-# width of a panel in parts of the whole, below which a function is taken to jump
+# width of a panel relative to the interval below which a function is regarded as discontinuous
 _NARROWEST = 2.0**-50
-# width of a panel that only a corner can call for, if few of its neighbours are as narrow
+# width of a panel that only a corner requires, if few of its neighbours are as narrow
 _DEEP = 2.0**-12
-_SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
+_SAME = 2.0**-40  # distance of two corners relative to the interval below which they are one
 _CLUSTER = 250  # largest number of panels that gather around one corner
 _PASSES = 6
 _MOST_HALVINGS = 52  # largest number of halvings of a panel in the search for zeros
-_SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of what is left then
+_SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of the remaining interval then
 # Columns of ZeroSearch.place.
 _MIDDLE, _HALF, _BEGIN, _END = range(4)
 # radii of discs around panels, in units of half their width, that may show what a fit can miss

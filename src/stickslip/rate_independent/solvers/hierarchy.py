@@ -20,7 +20,7 @@ from stickslip.rate_independent.solvers.smoothing import (
 )
 from stickslip.rate_independent.solvers.truncation import Truncation, galerkin, gather, truncate
 
-_DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
+_DENSE = 300  # number of unknowns up to which the last level is solved by a dense factorisation
 _RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
 
 

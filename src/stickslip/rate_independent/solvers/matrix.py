@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import COMPUTED_ZERO, SYMMETRIC
 
-# rows up to which a sparse matrix is factorised to see whether it is positive definite
+# number of rows up to which a sparse matrix is factorised to test whether it is positive definite
 _DECIDED = 20_000
 
 

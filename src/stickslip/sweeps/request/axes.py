@@ -422,7 +422,7 @@ class Grid:
 
 _CHUNK_POINTS = 4096  # number of points of the largest chunks
 FEWEST = 64  # number of points of the smallest chunks that justify a file
-_PARTS = 64  # chunks that a map of medium size is divided into
+_PARTS = 64  # number of chunks of a map of medium size
 
 
 def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:

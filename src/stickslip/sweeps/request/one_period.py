@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.symbolic.expressions import Expr
 
-_NONE = 1e-8  # a shift below this part of the range of what moves is none
-_WHOLE = 1e-6  # relative distance from a whole number of periods
+_NONE = 1e-8  # a shift below this fraction of the range of the motion counts as zero
+_WHOLE = 1e-6  # relative distance from an integer number of periods
 
 
 PeriodRule = Callable[["Trajectory", str], float]

@@ -34,9 +34,9 @@ from stickslip.stopping.scopes import Stopped, watching
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-_CHANCES = 4  # workers that may die over one task before the task is to blame
-_AHEAD = 2  # tasks that are handed out for each worker
-ANSWER_WITHIN = 10.0  # seconds that a cluster has to answer
+_CHANCES = 4  # number of workers that may fail on one task before the task is regarded as the cause
+_AHEAD = 2  # number of tasks that are handed out to each worker
+ANSWER_WITHIN = 10.0  # seconds within which a cluster has to answer
 # seconds after which a request to stop is noticed, and that tasks under way then have to end
 _PULSE = 0.25
 _LOCAL = ("threads", "processes")

@@ -120,7 +120,7 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
-_ACTING = 4.0  # shortest times that a Taylor series would last
+_ACTING = 4.0  # length of a Taylor series in shortest times
 _ALLOWED = 5e-10  # largest error of a component relative to its size; twice that is not certified
 WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`FlightAudit.checked`."""

@@ -51,9 +51,9 @@ LARGE = 16
 """Number of states from which every step longer than a collocation step is taken by eigenvalues,
 because the exponential of a matrix costs several times as much."""
 _SMOOTH = 0.25  # largest frequency of the loads × step of an interpolation
-_FINE = 24  # Gauss nodes by which integrals of slow exponentials are found
-_FAST = 12.0  # |z| from which on they follow from a recurrence
-_SAME = 1e-7  # difference of exponents × step that is none
+_FINE = 24  # number of Gauss nodes for integrals of slow exponentials
+_FAST = 12.0  # |z| above which they follow from a recurrence
+_SAME = 1e-7  # difference of exponents × step that counts as zero
 _PROBE = 2.0**100  # a state so large that terms independent of it are negligible
 
 

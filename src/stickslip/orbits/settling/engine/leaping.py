@@ -60,7 +60,7 @@ from stickslip.translator import compiled
 GO_ON, CARRIED_ON, SETTLED = range(3)
 """What is done after a mark."""
 
-_FARTHEST = 0.5  # largest size of what a motion is carried on by
+_FARTHEST = 0.5  # largest size of an extrapolation
 _AGAIN = 2.0  # largest length of the next leap, in lengths of the first
 _NEAREST = 1e-14  # a miss that is a rounding error
 _FITS = 0.1  # largest remainder of a return after its combination, as a fraction of it

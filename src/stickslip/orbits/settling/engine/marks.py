@@ -27,9 +27,9 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_BEGUN = -8  # kind of the marks at which the modes of a motion begin to be followed as a whole
-_KEPT = 3  # returns before, that are kept then
-# first periods of a drive in which a look between marks sees what vanishes at them
+_BEGUN = -8  # kind of the marks from which the entire sequence of modes of a motion is recorded
+_KEPT = 3  # number of previous returns that are kept then
+# number of first periods of a drive with a look between marks, for motions that vanish at marks
 _GROWING = 8
 _HALFWAY = 0.618  # position of the look before a mark, in periods
 _WIDER = 1.25  # periods in which a smooth motion that is polished returns

@@ -94,12 +94,12 @@ from stickslip.translator import compiled, row_of
 
 _AWRY = 1e-6  # a motion with a larger closure error is not a cycle
 _FELT = 1e-4  # … nor is one, or a rest, in which the forces change by more
-_FORGOTTEN = -9  # kind of a mark
+_FORGOTTEN = -9  # kind of a mark that is discarded
 _ROUNDED = 1e3  # accuracy of the states of a motion, in local tolerances
 _PARTS = 31  # largest number of parts of a period that are tried
-_SAMPLES = 8  # states at which they are compared
-_SMALL = 1e-3  # part of its modulus that is the least size of a component
-_STILL = 1e-12  # … and that it may change by at rest
+_SAMPLES = 8  # number of states that are compared
+_SMALL = 1e-3  # smallest size of a component relative to its modulus
+_STILL = 1e-12  # … and its change at rest
 
 
 @compiled()

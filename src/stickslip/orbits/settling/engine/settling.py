@@ -85,7 +85,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.translator import compiled
 
 _NOTHING_YET = -1  # outcome of a motion that the host has to decide
-_FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
+_FADED = 100.0  # distance of an oscillation from an equilibrium, in tolerances
 
 
 @entry_point()
