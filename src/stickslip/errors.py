@@ -145,7 +145,7 @@ def suggestion(
     close = next(filter(accepted, get_close_matches(name, names, _CLOSE)), None)
     if close is not None:
         return f"Did you mean {quote}{close}{quote}?"
-    # No more names are tried than are shown.
+    # The number of names that are tried is limited by the number shown.
     half = _MOST // 2
     first = list(islice(filter(accepted, names), half))
     others = names[names.index(first[-1]) + 1 :] if len(first) == half else []

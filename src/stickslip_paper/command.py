@@ -51,7 +51,7 @@ def paper(
         "paper" if only is None else f"paper-{re.sub(r'[^0-9A-Za-z.]+', '', only)}"
     )
     with _writing(folder):
-        write_data(work, folder, 0.0)  # from now on the folder is known as ours
+        write_data(work, folder, 0.0)  # marks the folder as ours
         with _bar() as show:
 
             def made(fraction: float, item: Item) -> None:

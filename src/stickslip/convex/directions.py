@@ -163,7 +163,7 @@ def _positive_semidefinite(upper: Sequence[Box], size: int) -> NDArray[np.bool_]
     for i, j, (least, most) in zip(rows, columns, bounds, strict=True):
         middle[:, i, j] = middle[:, j, i] = 0.5 * (least + most)
         radius[:, i, j] = radius[:, j, i] = 0.5 * (most - least)
-    # Weyl: no eigenvalue moves by more than the norm of what is added. The last part is rounding.
+    # Weyl: eigenvalues change by at most the norm of the perturbation. The last term is rounding.
     moved = radius.sum(axis=2).max(axis=1)
     rounding = 8.0 * size * np.finfo(float).eps * np.abs(middle).sum(axis=2).max(axis=1)
     return finite & (np.linalg.eigvalsh(middle)[:, 0] >= moved + rounding)

@@ -131,7 +131,7 @@ def mean_speeds() -> dict[str, Definition]:
     def either(above: str, below: str) -> str:
         return f"piecewise(u**2 + v**2 <= w**2, {above}, {below})"
 
-    # As 1 − m, x has a narrow enclosure where m is small.
+    # Written as 1 − m, x has a narrow enclosure if m is small.
     lesser, larger = either("u**2 + v**2", "w**2"), either("w**2", "u**2 + v**2")
     found = {"_rim": Definition("disc", ("u", "v", "w"), f"1 - {lesser}/{larger}")}
     for part, P, Q, p in (

@@ -184,7 +184,7 @@ class _Solver:
         right = [self.fix(f) for f in forces]
         pull = {i: list(J[i]) for i in asked}
         for i, force in given.items():
-            # Friction under a normal force that is unknown pulls along with it.
+            # Friction under an unknown normal force acts together with it.
             rest = ex.substitute(force, {f"lambda:{n}": ex.ZERO for n in asked})
             right = [f + j * rest for f, j in zip(right, J[i], strict=True)]
             for n in asked:
@@ -252,7 +252,7 @@ class _Solver:
         struck = [i for i in inertial if eq.contacts[i].opens and self.mode[i] == 0]
         rubbing = [i for i in inertial if set(eq.pressing(i)) & set(struck)]
         held = [*struck, *(i for i in rubbing if self.mode[i] == 0)]
-        # J Δq̇ = −(1 + e) γ⁻ for what takes part, Λ = ∓μ Λ_N for what slips.
+        # J Δq̇ = −(1 + e) γ⁻ for contacts that take part, Λ = ∓μ Λ_N for those that slip.
         asked = {}
         for i in held:
             e = ex.ZERO if i in settled else self.fix(eq.contacts[i].restitution)

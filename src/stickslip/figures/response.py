@@ -107,7 +107,7 @@ def plot_response(
             legend_above(panels[0, 0], handles)
         powers_in_labels(figure)
         figure.align_ylabels(panels[:, 0])
-        # Names keep their distance in points, so the layout has to stand.
+        # The distances of names are in points, so the layout has to be final.
         for axes, name in zip(panels[:, 0], shown, strict=True):
             _name_lines(axes, response, name)
     return figure

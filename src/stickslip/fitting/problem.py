@@ -532,7 +532,7 @@ def table_columns(recording: Recording, r: int) -> dict[str, Any]:
         try:
             values = recording.column(name)
         except ValueError:
-            continue  # words are nothing that was compared
+            continue  # text was not compared
         found[f"table{suffix_of(r)}: {name}"] = (f"table_row{suffix_of(r)}", values)
     return found
 

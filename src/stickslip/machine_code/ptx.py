@@ -136,7 +136,7 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
         reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
         raise DeclarationError("device", reason, 'Use device="cpu"')
     names = {entry.__name__ for entry in entries}
-    # LLVM makes names that PTX can have of those which are known inside alone.
+    # LLVM converts internal names to names that PTX accepts.
     for part in (*module.functions, *module.global_variables):
         if not part.is_declaration and part.name not in names:
             part.linkage = "internal"

@@ -61,7 +61,7 @@ def _folder(given: str | None) -> Path:
         folder = folder.expanduser().absolute()
         _claim(folder)
         return folder
-    except (OSError, RuntimeError) as error:  # RuntimeError: no home is known
+    except (OSError, RuntimeError) as error:  # RuntimeError: the home folder is not known
         why = getattr(error, "strerror", None) or error
         print(
             f"stickslip: machine code cannot be stored in {folder}: {why}. A temporary folder is "
@@ -72,7 +72,7 @@ def _folder(given: str | None) -> Path:
     try:
         private = tempfile.mkdtemp(prefix="stickslip-")
     except OSError:
-        return Path(os.devnull)  # nothing can be kept in it, nor found
+        return Path(os.devnull)  # it can neither store nor provide files
     atexit.register(_discard, private, os.getpid())
     return Path(private)
 

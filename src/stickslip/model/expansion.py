@@ -86,7 +86,7 @@ class Expansion:
             name: [part for part in parts if part != 0.0] or [0.0]
             for name, parts in self.energies.items()
         }
-        # In brackets, what was declared means what it would mean alone, or nothing.
+        # In brackets, a declared formula means the same as alone, or is an error.
         joined = {
             name: " + ".join(f"({part})" for part in parts) if len(parts) > 1 else parts[0]
             for name, parts in energies.items()

@@ -187,7 +187,7 @@ class FrictionLaw:
         }
 
     def _example(self, values: Mapping[str, float] | None, **parts: Any) -> System:
-        plain = {"elements", *self.points[:1]}  # numbers, no parameters
+        plain = {"elements", *self.points[:1]}  # numbers, not parameters
         own = {name: p for name, p in self.known().items() if name not in plain}
         parameters = {**parts.pop("parameters", {}), **own}
         system = System(

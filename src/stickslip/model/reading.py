@@ -327,7 +327,7 @@ class DeclarationReader:
                     "Declare initial values at which it is defined",
                 )
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
-            # Refused is what feeds energy in for sure, not for rounding.
+            # Only drag that certainly feeds energy in is rejected, not rounding errors.
             if high < 0.0 if v > 0.0 else low > 0.0:
                 raise DeclarationError(
                     f"coordinates.{name}.drag",

@@ -182,7 +182,7 @@ class System:
     outputs: Entries[Output] = Entries(Output, (str, Real))  # noqa: RUF009 (a descriptor)
 
     def __post_init__(self) -> None:
-        # A tuple is what remains of it where declarations are plain data.
+        # As plain data, the declared span is a tuple.
         default = self.span if isinstance(self.span, DefaultSpan) else None
         hold_plain(self)
         if default is not None:

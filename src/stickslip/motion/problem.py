@@ -162,7 +162,7 @@ class Problem:
 
     @cached_property
     def _work_spaces(self) -> _WorkSpaces:
-        # Motions of a system come one after the other, mostly.
+        # Usually the motions of a system are computed sequentially.
         sizes = self.order, len(self.rows.required)
         return made_once(self.compiled, "bench", _WorkSpaces, sizes, _MOST_BENCHES)
 
@@ -216,7 +216,8 @@ class Problem:
         # Modes of large structures are far apart, and need it; but not in all lanes of a map.
         most = _MOST_STATES if groups == 1 else _MOST_STATES_OF_MANY
         small = contacts + kinks <= MOST_SWITCHES and n <= most and layout.frequencies <= 6
-        # closed forms know none of these, and rest in a plane of what holds by itself; so no faces
+        # Closed forms exclude these, and in a plane they cover only a rest under inertial forces
+        # without faces.
         alone = not (layout.gaps or layout.prescribed or layout.together)
         alone = alone and all(p[MASSIVE] == 1 and p[FORMULA] < 0 for p in layout.planes)
         small = small and (n > _FEW_BESIDE_PLANES or not layout.planes)

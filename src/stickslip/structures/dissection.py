@@ -156,8 +156,8 @@ def _cut(graph: _Graph, rest: Array, ends: Array | None) -> tuple[Array, Array, 
     best = np.full(parts, np.inf)
     chosen = np.zeros(parts, dtype=int)
     first = np.zeros(0)
-    # From whole ends, cuts are plane across what is long; from single vertices they are small where
-    # it is as wide as long.
+    # Level sets from an entire end give plane cuts across long parts; from single vertices they are
+    # small if a part is as wide as long.
     for number, begin in enumerate((far, single)):
         first = _depths(graph, begin)
         second = _depths(graph, farthest(first)[number])

@@ -112,6 +112,6 @@ def _orthonormal(found: Array, basis: Array, mass: Any) -> Array:
         found = found - basis @ (basis.T @ (mass @ found))
         parts, ways = np.linalg.eigh(found.T @ (mass @ found))
         found = found @ (ways / np.sqrt(np.maximum(parts, np.finfo(float).tiny)))
-        if parts[0] > _CLEAR:  # else part of what is left is rounding
+        if parts[0] > _CLEAR:  # otherwise part of the remainder is rounding
             break
     return found

@@ -47,7 +47,7 @@ def dense(matrix: Symmetric) -> Array:
 
 def check_memory(n: int) -> None:
     """Reject to treat a large sparse structure as full."""
-    needed = 4 * 8 * n * n  # mass, stiffness, and what LAPACK works with
+    needed = 4 * 8 * n * n  # mass, stiffness, and the work space of LAPACK
     if needed > _MOST_MEMORY:
         raise DeclarationError(
             "structure",
@@ -325,7 +325,7 @@ def _shifted(
         last = 1 + int(np.max(np.flatnonzero(gaps > _COINCIDE * squares[1:]), initial=-1))
     lower = squares[last - 1] if last else 0.0
     below = 0.5 * (lower + squares[last])
-    # A mass has its entries where the stiffness has some; if not, the order is only worse.
+    # A mass usually has entries only where the stiffness has some; if not, the order is only worse.
     found = factored(stiffness - below * mass, solving=False, blocks=factor.blocks).negative
     if found != last:
         raise ConvergenceError(

@@ -531,7 +531,7 @@ def _proportional(
             continue
         found = np.zeros(len(parts))
         apart = damping
-        for _ in range(3):  # later ones for what rounding has left
+        for _ in range(3):  # later iterations remove rounding errors
             right = np.array([float((part * apart).sum()) for part in parts])
             found += np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
             apart = damping - sum(c * part for c, part in zip(found, parts, strict=True))

@@ -313,7 +313,7 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     for name, (kind, empty, attributes) in plan.variables().items():
         _new_array(group, name, dimensions, grid.shape, grid.chunk, kind, empty, attributes)
     with warnings.catch_warnings():
-        # Zarr 3 has no word on consolidated metadata yet; xarray looks for them all the same.
+        # Zarr 3 does not specify consolidated metadata yet; xarray still looks for them.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         group = zarr.consolidate_metadata(group.store)
     if path is not None:

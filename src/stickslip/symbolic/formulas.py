@@ -39,9 +39,7 @@ _MAX_WORK = 40_000  # largest number of nodes for one formula with the functions
 _WORK_OF_TERM = 100  # additional nodes for each term of a long sum
 _LONGEST = 4_000_000  # largest number of characters of a sum
 _LONG = 1000  # number of characters above which a formula is parsed term by term
-_PIECE = (
-    "_piece"  # names of what has been read of a long formula; names of formulas begin otherwise
-)
+_PIECE = "_piece"  # prefix of the parsed parts of a long formula, which no name has
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _TOKEN = re.compile(

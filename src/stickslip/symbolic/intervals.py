@@ -265,7 +265,7 @@ class Intervals:
                 self._beside(x, y, place, sign * value) for x, y in zip(a, (low, high), strict=True)
             )
         first, last = sign * limits[0], sign * limits[1]
-        # Beyond a piece, what is inside it counts.
+        # Outside a piece, only the part inside it counts.
         bounds = (
             ops.minimum(ops.maximum(low, first), last),
             ops.maximum(ops.minimum(high, last), first),

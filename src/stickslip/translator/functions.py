@@ -129,7 +129,7 @@ class Function(Values, ast.NodeVisitor):
         self.assigned: frozenset[str] = frozenset()
         self.ways: dict[str, list[frozenset[str]]] = {}
         self.loops: list[tuple[str, str]] = []  # labels of the next iteration and of the end
-        self.unrolled = 0  # loops around this place that are written round by round
+        self.unrolled = 0  # number of enclosing loops that are unrolled
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
             is_tuple = isinstance(type_, TupleType)
             register = Register(_argument(parameter), type_.llvm)

@@ -69,7 +69,7 @@ class Program:
         self.direct: Mapping[type, str] = direct or {}
         self._definitions: dict[Any, Definition | None] = {}
         self._functions: dict[str, Definition] = {}
-        self._outside: set[str] = set()  # names of what is called from outside
+        self._outside: set[str] = set()  # names of functions called from outside
         self._declared: dict[str, str] = {}
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
@@ -108,7 +108,7 @@ class Program:
     ) -> Definition:
         plain = tuple(as_constant(type_, False) for type_ in wanted)
         if plain != wanted:
-            # The same code serves constants, if it writes to none of them.
+            # The same code is used for constants, if it writes to none of them.
             found = self.definition(function, plain)
             checked = Function(self, function, node, wanted, found.name).translated()
             return found._replace(arguments=wanted, result=checked.result)

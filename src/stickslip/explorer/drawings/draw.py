@@ -56,7 +56,7 @@ def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
         try:
             return draw(motion, times, values)
         except KeyError:
-            pass  # a system of that name with other coordinates: somebody's own
+            pass  # a user's system with that name and other coordinates
     if system.structures and not system.coordinates:
         return structures_by_index(motion, times)
     above = bodies_from_above(motion, times, values) if system.planes else None

@@ -55,7 +55,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
         wire = Wire(name=WIRE)
         plots = [model for model in models.values() if isinstance(model, Plot)]
         plots[0].tags = [wire]  # makes it part of the document
-        with document.models.freeze():  # to look at all of them once
+        with document.models.freeze():  # one pass over all models
             for plot in plots:
                 document.add_root(plot)
         document.title = "stickslip explorer"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
 
-_TURN = 1200  # largest number of points of a cycle
+_TURN = 1200  # number of samples of a cycle, besides its knots
 _MOST = 2000  # largest number of points of a section
 
 

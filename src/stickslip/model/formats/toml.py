@@ -193,7 +193,7 @@ def parse(text: str) -> dict[str, Any]:
             "", f"a key has too many parts (line {line})", "Use at most three parts"
         )
     try:
-        # With an end of line at the end, every place in the text is in some line.
+        # With a final newline, every position in the text is in some line.
         return tomllib.loads(text + "\n")
     except tomllib.TOMLDecodeError as error:
         raise DeclarationError("", *_toml_error(str(error), text)) from None

@@ -19,11 +19,11 @@ from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
-# Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their
-# sum, and its size, in which rays may cancel; 1 for a normal force that there may be; by link, the
-# least and the largest friction of a unit of the normal force; by contact, those of the threshold
-# (in a plane, the largest along each axis; the least is the largest where the friction is given);
-# the weight with which the threshold is wanted, and what is left of it.
+# Rows of Space.cones, by contact: the requested velocity; its remainder after the forces; their
+# sum, and its size, in which rays may cancel; 1 for a possible normal force; by link, the smallest
+# and the largest friction per unit of the normal force; by contact, those of the threshold (in a
+# plane, the largest along each axis; the smallest equals the largest if the friction is given); the
+# weight of the threshold, and its remainder.
 (
     WANTED,
     LEFT,
@@ -127,7 +127,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
             ray[c], ray[o] = f, g
             continue
-        # The point of an ellipse with semi-axes f and g that is farthest along what is left.
+        # The point of an ellipse with semi-axes f and g that is farthest along the remainder.
         x, y = f * cones[LEFT, c], g * cones[LEFT, o]
         size = math.hypot(x, y)
         if size > 0.0:

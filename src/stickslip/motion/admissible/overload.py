@@ -164,7 +164,7 @@ def overload(
         if not moved:
             break
     if found > 1.0 + lack and load < 1.0 + 0.5 * (found - 1.0):
-        # Newton's method has lost its way: what has been seen is a proof nevertheless.
+        # Newton's method failed, but the mechanism found so far is a proof.
         for r in range(rank):
             aside[MECHANISM, r] = weakest[r]
     part = (1.0 - lack) / max(found, 1.0)

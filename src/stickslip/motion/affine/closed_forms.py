@@ -381,8 +381,8 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
             r[n + 2 + 2 * k] = -(w.up[b, k] + w.down[b, k])
             r[n + 3 + 2 * k] = -1j * (w.up[b, k] - w.down[b, k])
             w.ramp[b, n + 2 + 2 * k] = w.ramp[b, n + 3 + 2 * k] = complex(0.0, 0.0)
-        # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that
-        # grows evenly.
+        # Powers of τ: if λ = 0, w itself and its rates; otherwise the response to a force linear in
+        # time.
         if value == 0.0j:
             for j in range(len(r)):
                 r[j] = complex(0.0, 0.0)

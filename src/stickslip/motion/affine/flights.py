@@ -185,8 +185,8 @@ def leading_terms(
     largest = 0.0
     for i in range(ns):
         largest = max(largest, form.felt[i] * size[0, i])
-    # A zero is known no better than the time at which it was found, and a drive no better than its
-    # phase; and what changes less than rounding within the shortest time scale has not begun to
+    # A zero is only as accurate as the time at which it was found, and a drive as its phase; a
+    # value that changes by less than rounding within the shortest time scale has not begun to
     # change.
     near = last + form.shortest
     if len(omega) > 0:
@@ -327,7 +327,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             if not stays_zero(form, f, g, omega):
                 return UNKNOWN
             continue
-        # c₀ and the amplitudes about it; what is too small to be seen does not count.
+        # c₀ and the amplitudes about it; negligible terms do not count.
         c0 = f.value[g]
         c1 = 0.0
         c2 = 0.0

@@ -196,7 +196,7 @@ def first_of_wave(
                 if g != g:
                     return np.nan
                 if abs(g) <= floor:
-                    return limit  # it crosses together with the earliest event found so far
+                    return limit  # it crosses together with the earliest event found
             if g < -floor:
                 if not (before < guess < stop and abs(s.mu * guess) < 0.1):
                     guess = 0.5 * (before + stop)
@@ -424,7 +424,7 @@ def first_of_many(
             work[0] -= bound
             x = first_crossing(work, N, 1.0, floor, stack) if work[0] > floor else 0.0
             if x < NONE:
-                # No fall before x; from there on more has to be followed.
+                # No decrease below zero before x; the search continues from there.
                 start += x * h
                 longest = h / _LONGER
             else:

@@ -165,7 +165,7 @@ def hold_beginnings(
             begins = is_still(rows, space, c, tally.law[c, LARGEST_SPEED])
             begins = begins and (again or before != slips[c])
         else:
-            # A jump may tear away what has no mass.
+            # A jump may release contacts without mass.
             torn = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) >= 0
             begins = not quiet and not torn and resting(before)
         if begins:

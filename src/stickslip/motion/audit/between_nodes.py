@@ -270,7 +270,7 @@ def encloses(
                 return False
     for c in rows.openings:
         row = rows.gaps[c]
-        # At an instant all terms of a gap may vanish; of what stays closed they always do.
+        # At an instant all terms of a gap may vanish; for a closed contact they always do.
         size = extent(W[row], N - 1, powers) + h * mag[c]
         size += REST_PART * acting * acting * rate_terms(rows, mag, c)
         size += gap_terms(rows, mag, c)

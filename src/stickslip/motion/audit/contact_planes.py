@@ -274,7 +274,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
         for first in (0, rows.sizes[INERTIAL]):
             largest = 0.0
             for turn in range(2):
-                # A rate of turning, in the third direction, is none of a velocity.
+                # The third component is an angular velocity and is not compared with velocities.
                 block = directions_of(rows, rows.planes[p, LEAD])
                 for c in (block[0], block[1]):
                     part = rows.parts[rows.homes[c, PART]]

@@ -390,7 +390,7 @@ def judge(
     own = 0.0
     for c in range(len(law)):
         force = most(force, law[c, LARGEST_FORCE])
-        # In a plane velocities are vectors, whose size stands at their first component.
+        # In a plane velocities are vectors; their sizes are stored at the first component.
         first = rows.lead[c]
         speed = max(law[c, LARGEST_SPEED], law[first, LARGEST_SPEED])
         speed = max(speed, REST_PART * max(law[c, SPEED_HELD], law[first, SPEED_HELD]))

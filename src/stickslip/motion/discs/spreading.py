@@ -157,7 +157,7 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     function = code[i, FIRST]
     slope = code[i, SECOND]
     steep = abs(W[slope, 0])
-    # B and S of G, with v held, stand where only parts of the state need a place (SLOPE).
+    # B and S of G for fixed v are stored where only parts of the state need a place (SLOPE).
     left = steep
     if turn == 1:
         discs[row, SLOPE] = discs[function, BALL]

@@ -356,7 +356,8 @@ def collide_if_closing(
         return NOWHERE, count
     closing = may_collide(rows, cause) and lane.mode[cause - len(rows.kinks)] == 0
     if due >= 0 or not closing:
-        # Another event, or none: what touches meanwhile, up to rounding errors, has its impact.
+        # If the event was another one, or none, contacts that touch meanwhile, up to rounding
+        # errors, have their impact.
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])

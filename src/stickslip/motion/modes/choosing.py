@@ -103,7 +103,7 @@ def settle_mode(
     kept = 0  # times that the forces of such a state were put right
     flipped = lane.counters[CAUSE]
     slack = 1.0
-    breaks = 1  # whether what such a state lets slip has its static threshold to break
+    breaks = 1  # whether a contact has to break its static threshold to slip in such a state
     denied = 0.0  # longest step of a mode that was denied
     while True:
         if pivots > 0:
@@ -210,7 +210,7 @@ def try_mode(
         return _OTHER_FORCES, count, h, h
     series = shortened_step(flow, mode, lane.reg, h, lane.seen)
     brief = CLOSEST * abs(clock[NOW])
-    # Not twice: an edge is behind it, or it is none.
+    # Not twice: a real edge is passed by the first such step.
     once = fired >= 0 or last < 0.5 * _OVER * brief
     if series <= brief and once and crosses_pieces(rows, mode):
         series = _OVER * brief

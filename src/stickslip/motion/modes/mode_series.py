@@ -329,7 +329,7 @@ def matches_prediction(flow: Flow, table: Array, y: Array, seen: Array, h: float
         rounding += late * abs(change[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
-            # A velocity is no more accurate than the nearly cancelling forces that generate it.
+            # A velocity is only as accurate as the nearly cancelling forces that generate it.
             rounding += ROUNDING * mag[rows.noise[rate]] * h * h
         if abs(table[rate, 0] * h - change[i]) > tol * size + rounding:
             return False

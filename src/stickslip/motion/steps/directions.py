@@ -201,7 +201,7 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
             inwards += moved * W[plane[AIM] + i, 0]
             square += moved * moved
         along += abs(inwards)
-        # rounding errors of what is across count as across
+        # including the rounding errors of the perpendicular part
         across += math.sqrt(max(square - inwards * inwards, ROUNDED_TERM * square))
     discs[plane[AIM_SPEED], SLOPE] = across
     discs[plane[AIM] + 1, SLOPE] = along

@@ -211,7 +211,7 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
-    # No order of an earlier slip is left.
+    # Remove all orders of an earlier slip.
     for row in range(len(onset)):
         for k in range(onset.shape[1]):
             onset[row, k] = 0.0

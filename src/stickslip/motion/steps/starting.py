@@ -221,7 +221,7 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
                 left -= speed[first + j] * table[aim + i, k - j]
             table[aim + i, k] = left
             forward += table[aim + i, 0] * left
-        # left = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ is what is left of n·n = 1
+        # left = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ follows from n·n = 1
         speed[first + k] = forward + 0.5 * size * square
         for i in range(width):
             left = table[aim + i, k] - speed[first + k] * table[aim + i, 0]
@@ -640,7 +640,7 @@ def aim_order(flow: Flow, m: int) -> None:
             size = abs(x) + abs(y) + abs(ax) + abs(ay)
             k = m + 1 - leading
             if leading == 1:
-                # nₘ stands on both sides
+                # nₘ occurs on both sides
                 rho = aims[base + RHO, 0]
                 cx += rho * o
                 cy -= rho * n

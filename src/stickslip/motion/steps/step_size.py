@@ -119,8 +119,8 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
             # A rate with cancellation is known only up to rounding errors.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
         if made[i] >= 0:
-            # Friction in a plane leaves what is zero to what forces, if none cancelled, would make
-            # of a place, or of a gap, in a step: to their rounding errors.
+            # A component that is zero under friction in a plane has the rounding errors of the
+            # displacement, or gap, that the forces would cause in a step if they did not cancel.
             step = last if last > 0.0 else unit
             size += EPSILON / tol * (mag[made[i]] * step * step)
         if size > 2.0 * LEAST_SIZE:
@@ -406,8 +406,8 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
     pieces, massive = crosses_pieces(rows, mode), slides_in_plane(rows, mode)
     for turn in range(_MOST_CUTS):
         # R of a face has a singularity at the end of each piece, the speed of a mass complex zeros
-        # beside its path. For the latter one try is enough: where it fails, shorter steps are
-        # judged sooner by the wide disc alone.
+        # near its path. For the latter one attempt is enough: if it fails, shorter steps are
+        # assessed faster by the wide disc alone.
         narrow = pieces or (massive and turn == 0)
         excess = unseen(flow, mode, reg, h, seen, narrow)
         if excess > 1.0 and turn == 0:

@@ -83,12 +83,11 @@ _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is renewed
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
-# what is not seen to vanish is followed to sizes that are smaller by this factor, …
 # special points at which phases neither appear nor vanish
 _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 # corners this near, relative to the range and the size of a cycle, are regarded as one
 _SAME = 1e-6
-_SMALLER = 0.1
+_SMALLER = 0.1  # factor of decrease of a size up to which a branch that may vanish is continued …
 _TINY = 1e-5  # … down to this fraction of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 

@@ -195,7 +195,7 @@ def _peaks(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     equations = cycles[0].trajectory.problem.compiled.equations
     for i, contact in enumerate(equations.contacts):
         if contact.plane > 1 or contact.side_of:
-            continue  # the first component stands for both
+            continue  # the first component represents both
         peaks = [c.sums.peak[i] for c in cycles]
         if contact.opens:
             what = quantity(system, contact.name)

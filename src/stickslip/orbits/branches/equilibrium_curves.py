@@ -398,8 +398,8 @@ class _Curve:
     def certificate(self, x: Array, problem: _Extended) -> Certificate:
         """Certificate of the equilibrium, with the residual of the conditions on its eigenvalue
         along the curve."""
-        # A component that is zero all along the curve, as a rate is, is known to the rounding of
-        # what counts in it, not of itself.
+        # A component that vanishes along the curve, such as a rate, has the rounding errors of its
+        # terms, not of its value.
         beside = np.where(problem.start == 0.0, problem.least, problem.start)
         found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(beside))
         value, slopes = problem.residual(x)

@@ -28,7 +28,7 @@ from stickslip.orbits.return_map.shooting import parameter_values
 # smallest range of a cycle, relative to the state: below it, its size is not known to the tolerance
 _MOVES = 1e-7
 _UNCHANGED = (
-    1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
+    1e-9  # largest change of a perturbation along a symmetry, relative to the growth of others
 )
 _FORGOTTEN = 1e-9  # fraction of a change that remains after a contact has stuck
 _AGREES = 1e-4  # largest relative difference between returns of neighbours and their multipliers

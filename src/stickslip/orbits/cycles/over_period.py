@@ -156,7 +156,8 @@ def _where_rates_vanish(
         value, h = np.einsum("tx,xkt->kt", states, rows[:, :, which]) + more.T
         np.minimum.at(low, which, value)
         np.maximum.at(high, which, value)
-        left = h * f > 0.0  # the turn is on the other side; what stays counts half (Illinois)
+        # the extremum is on the other side; the value at a retained end is halved (Illinois)
+        left = h * f > 0.0
         a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
         b = np.where(left, b, middle)
     ends = zip(map(float, low), map(float, high), strict=True)

@@ -217,7 +217,7 @@ def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array
         slope_times_distance(found.slope_high, behind),
         slope_times_distance(found.slope_low, before),
     )
-    gains = np.maximum(gains, 0.0)  # (m, k, N): what each unknown can add
+    gains = np.maximum(gains, 0.0)  # (m, k, N): largest contribution of each unknown
     total = gains.sum(axis=1)
     for i in range(len(low)):
         others = np.where(np.isfinite(total), total, math.inf)[:, None] - gains[:, i : i + 1]

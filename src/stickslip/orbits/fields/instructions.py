@@ -178,7 +178,7 @@ class Evaluator:
 
     def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
         provided = any(provider_of(e.op) for e in ex.walk(dict.fromkeys(expressions)))
-        # tables may be large, and are not remembered
+        # tables may be large and are not stored
         make = Listing if provided else _listing
         self.listing: Listing = make(tuple(expressions), tuple(names), moving)
         self.made: Instructions = packed([self.listing])

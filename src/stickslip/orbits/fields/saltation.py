@@ -298,7 +298,7 @@ def _meets(
             continue
         change = after[2:] @ full - before[2:]
         if len(bounds):
-            # No admissible neighbour differs in a combination of the constraints.
+            # Admissible neighbours do not differ in a combination of the constraints.
             change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
         if float(np.max(np.abs(change))) > _APART * size:
             return True

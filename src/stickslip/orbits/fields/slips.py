@@ -364,8 +364,8 @@ def _loss_of_hold(
         scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
         shapes.append((np.array(scaled) @ free, number(limits[c])))
     way = free @ _mechanism(shapes, work @ free)
-    # h as a function of all else: its derivatives are those with this mechanism, and with the
-    # forces of what it leaves at rest
+    # The derivatives of h with respect to all other quantities are those for this mechanism and for
+    # the forces of the contacts at rest.
     ways = [ex.num(float(w)) for w in way]
 
     def speed(c: int) -> ex.Expr:

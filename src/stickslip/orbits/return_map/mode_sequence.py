@@ -310,7 +310,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
             breaks[row].append(float(k.time[a + 1 + i]))
     known = _ROUNDED * scales
     if np.any(lowest):
-        # … and so has what is hardly more than they are, as gaps between the last bounces.
+        # … and so have minima hardly larger than rounding errors, such as gaps between the last
+        # bounces.
         middle = looks.states[inside][len(times) // 2]
         slopes = np.abs(piece.leave(float(times[len(times) // 2]), middle, p).slopes[:, :n])
         known = np.maximum(known, FEW_ROUNDINGS * slopes @ np.abs(middle))

@@ -77,7 +77,7 @@ def lattice(problem: Problem, table: Array) -> Lattice | None:
             parts[i] = ticking.parts
             frame[i] = ticking.drives(values).velocity
         except DeclarationError:
-            # Nothing repeats on its way: the frame alone may leave the system unchanged.
+            # Without a common period only the frame may leave the system unchanged.
             frame[i] = moving_frame(equations, zero).full(values)
     return Lattice(period, parts, frame, moved, forms_of(cells))
 

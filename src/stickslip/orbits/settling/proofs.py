@@ -271,7 +271,7 @@ def affine_outcomes(
     largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
     grows = np.any((r != 0.0) & (rate.real > _CENTRE * largest), axis=1)
     stays = (r != 0.0) & (np.abs(rate.real) <= _CENTRE * largest)
-    # All signals as c + c₁τ + c₂τ², what dies out or swings, and what answers to the drives.
+    # All signals as c + c₁τ + c₂τ², decaying or oscillating terms, and the response to the drives.
     fading = np.einsum("kgi,ki->kg", T.a[slot], r).real
     answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
     drift = np.einsum("kgs,ks->kg", T.c1[slot], s)

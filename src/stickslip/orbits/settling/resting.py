@@ -165,8 +165,8 @@ class _Neighbourhood:
                 break
         else:
             return None
-        # A drift along a translation is a steady motion, any other is none: what sticks may be
-        # carried along.
+        # Only a drift along a translation is a steady motion: sticking contacts may be carried
+        # along.
         rates = self._rates(y)
         J = np.abs(
             self.piece.jacobian(np.array([self.t]), y[:, None], self.p)[0][:, :n] * self.units

@@ -472,7 +472,7 @@ def _ends(motion: Trajectory, along: ValuesAndRates) -> tuple[float, float, tupl
         seen.append((middle, value))
         left = np.sign(h) == np.sign(
             f
-        )  # the turn is on the other side; what stays counts half (Illinois)
+        )  # the extremum is on the other side; the value at a retained end is halved (Illinois)
         a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
         b = np.where(left, b, middle)
     times, values = (np.concatenate(part) for part in zip(*seen, strict=True))

@@ -114,7 +114,7 @@ class HalfspacesOnIntervals(RowWise, PhaseIntervals[SampledHalfspaces]):
         beyond = (
             np.maximum(self.start.beyond(before), self.end.beyond(after)) + bent + self.off_offsets
         )
-        # The length of a normal on the way: at least what it has along the mean of both ends.
+        # The length of an intermediate normal: at least its component along the mean of both ends.
         mean = (N + M) / np.maximum(lengths(N + M), np.finfo(float).tiny)[:, :, None]
         moved = lengths(self.off_normals)
         short = (
@@ -236,7 +236,8 @@ class HullsOnIntervals(RowWise, PhaseIntervals[SampledHulls]):
         first, last = self.start.excess(before), self.end.excess(after)
         moved = lengths(self.off_points).max(axis=1)
         bent = lengths(off)
-        # No point of the hull, and no force, is farther from where it is at an end than that.
+        # Bound of the distance of any point of the hull, and of any force, from its position at an
+        # end.
         step = lengths(self.end.points - self.start.points).max(axis=1) + lengths(after - before)
         out = np.minimum(first, last) + step + moved + bent
         for k in np.flatnonzero(out > enough):

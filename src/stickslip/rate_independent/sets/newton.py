@@ -181,7 +181,8 @@ class NormalSearch:
                         break
                 share *= 0.5
                 if share < _SHORTEST:
-                    # No better to rounding: a little more of it will do, else this is a kink.
+                    # No decrease beyond rounding errors: accept a slightly larger residual;
+                    # otherwise this is a kink.
                     if off <= 64.0 * _EXACT * size:
                         return Normal(now.gradient, v, np.linalg.pinv(here.hessian)), v
                     return None, v

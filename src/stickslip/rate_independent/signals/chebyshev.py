@@ -264,8 +264,8 @@ def _halve_until_resolved(
         sampled = function(middle + half * nodes(_DEGREE + 1)[:, None])
         c = transform(_DEGREE + 1) @ sampled
         scale = max(scale, float(np.max(np.abs(sampled))))
-        # A place is a rounded number, so a steep function is known no better than slope times
-        # rounding; what grows without bound on every disc is a jump.
+        # Arguments are rounded, so the error of a steep function is slope times rounding; a
+        # function that grows without bound on every disc has a jump.
         steepness = np.sum(np.abs(derivatives(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
         tolerance = ROUNDING * scale + (

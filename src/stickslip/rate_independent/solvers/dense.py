@@ -93,7 +93,7 @@ class ProjectionSteps:
         while free.any():
             d = np.zeros_like(pull)
             own = np.ix_(free, free)
-            for _ in range(2):  # the second time for what rounding has left
+            for _ in range(2):  # the second iteration removes rounding errors
                 rest = pull - self.A @ d
                 d[free] += (
                     cho_solve(self.factor, rest)

@@ -228,7 +228,7 @@ def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     m = fine.A.value.shape[1]
     pattern = rows(nodal)
     coarse = BlockRows(pattern.start, pattern.column, np.zeros((nodal.nnz, m, m)))
-    # No row is copied: none of the fine ones is whole yet.
+    # Rows are not copied: none of the fine ones is complete yet.
     every = fine.truncated._replace(H=fine.A, dirty=np.ones(len(fine.x), bool))
     made = Truncation(coarse, np.empty((n, m, m)), np.zeros(n, bool), np.zeros(n, bool))
     galerkin(every, *transfer, coarse, made, np.zeros(n, np.int64), fine.space)

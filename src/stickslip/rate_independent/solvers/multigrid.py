@@ -307,7 +307,7 @@ class Multigrid:
         p = newton.copy()
         stopped = project(d, p)
         if stopped == 0 and self.groups == 1:
-            # No kink on the way: J is quadratic there, and conjugate gradients have its minimiser
+            # Without a kink in between J is quadratic, and conjugate gradients have its minimiser
             # along p.
             d += p
             return

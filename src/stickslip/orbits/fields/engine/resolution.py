@@ -51,7 +51,7 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
             if J[r, c] != J[r, c]:
                 return 0.0  # a slip in a plane begins with the motion
-    scale = 0.0  # log of what has been divided out, per factor
+    scale = 0.0  # log of the factor that has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
         largest = 0.0

@@ -169,7 +169,7 @@ def prove_lane(
 ) -> int:
     """The same for one lane; see :func:`prove_all`."""
     s = e.lanes
-    station = m.before  # free, since nothing has to be undone any more
+    station = m.before  # free, since nothing has to be reverted
     later = place_station(e, m, rules, saved, bench, i)
     if not later >= 0.0:
         return REFUSED

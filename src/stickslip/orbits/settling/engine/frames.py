@@ -35,7 +35,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     row = p.v
     n = len(frame)
     first = g * slots_of(T)
-    # Least squares, row by row: the triangular factor, and what becomes of the right-hand side.
+    # Least squares, row by row: the triangular factor, and the transformed right-hand side.
     R = p.H[:n]
     for i in range(n):
         frame[i] = right[i] = 0.0

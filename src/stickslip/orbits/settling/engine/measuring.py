@@ -211,7 +211,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     e.codes[i] = FULL
     while e.codes[i] == FULL:
         if is_stopped(e.flow.space):
-            return  # FULL stands for that, too
+            return  # also indicated by FULL
         count = follow_lane(
             e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record
         )
@@ -224,7 +224,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     for r in range(bench.ends.shape[1]):
         bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
     if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
-        # Nothing is known of the period of what is so small, and all of its parts are alike.
+        # The period of such a small motion is not known, and all of its parts are alike.
         if m.drive[i] <= 0.0:
             real[OPEN] = 0.0
         return
