@@ -62,7 +62,7 @@ def bladed_disk(
     n, order = int(n), int(order)
     one = np.eye(n)
     ring = 2.0 * one - np.roll(one, 1, axis=0) - np.roll(one, -1, axis=0)
-    # without a pattern that repeats, or is the same from both sides
+    # neither periodic nor symmetric
     root = _ROOT * np.diag(1.0 + mistuning * np.cos(2.4 * np.arange(n) ** 2))
     stiffness = np.block([[_GROUND * one + _RIM * ring + root, -root], [-root, root]])
     parts = [f"{part}_{i}" for part in ("disc", "blade") for i in range(1, n + 1)]

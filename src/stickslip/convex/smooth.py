@@ -100,7 +100,7 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
 def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> None:
     gradient = evaluator([*formula.gradient], [*formula.names, *formula.ranges])
     circles = np.array(_circles(formula.dimension))
-    # A start that hits no direction in which a formula may have a kink by its form.
+    # A start away from the directions in which a formula may have a kink by its form.
     angles = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES + 1) / _ANGLES
 
     def slopes(own: Array, angle: Array) -> Array:

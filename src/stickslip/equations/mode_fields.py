@@ -313,7 +313,7 @@ class _Solver:
         c = self.eq.contacts[i]
         if c.opens:
             return ex.ZERO
-        # Carried by others, or turned back by an impact, a contact is at its threshold.
+        # A contact that is carried by others, or reversed by an impact, is at its threshold.
         carried = abs(self.mode[i]) == 2
         plus, minus = (c.plus, c.minus) if carried else (c.kinetic_plus, c.kinetic_minus)
         return -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)

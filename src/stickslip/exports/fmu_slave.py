@@ -226,7 +226,7 @@ class SystemFmu(Fmi2Slave):
                     rtol=self._rtol,
                 )
             except StickslipError as error:
-                if self._phase == "before":  # it may be put right
+                if self._phase == "before":  # the error can be corrected
                     return None
                 self._refuse(error)
         return self._stepper

@@ -154,7 +154,7 @@ def _decades(values: Array) -> tuple[float, float]:
     if not len(some):
         return 0.1, 10.0
     low, high = np.log10(some.min()), np.log10(some.max())
-    if high - low < 1.0:  # whole decades, or no tick would have a plain number
+    if high - low < 1.0:  # whole decades, since otherwise no tick would have a plain number
         low, high = np.floor(low), np.floor(high) + 1.0
     pad = _PAD * (high - low)
     return float(10 ** (low - pad)), float(10 ** (high + pad))

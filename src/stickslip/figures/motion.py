@@ -142,7 +142,7 @@ class _Overview:
             self.all_stick |= np.isin(mode, (0, IS_CLOSED))
         for mode in modes.values():
             self.all_stick &= np.isin(mode, (0, IS_CLOSED, IS_OPEN))
-        self.whole = self.motion.count <= FEW  # everything is drawn as it is
+        self.whole = self.motion.count <= FEW  # drawn without thinning
         self.t, self.values, self.curves = self.collect()
 
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
@@ -332,7 +332,7 @@ class _Overview:
         """Plot a quantity over time, or its envelope if it oscillates within pixel columns."""
         values = self.values[name]
         if not self.whole:
-            # four values a column
+            # four values per column
             columns = values.reshape(-1, 4)
             low, high = np.min(columns, axis=1), np.max(columns, axis=1)
             if np.median(high - low) > _SWINGS * np.ptp(values):
@@ -357,7 +357,7 @@ class _Overview:
 
         def panel(axes: Axes) -> None:
             rows = np.array([self.values[name] for name in names])
-            # A violent start must not hide the rest: the largest speeds saturate.
+            # Large initial speeds saturate, so that they do not hide the rest.
             largest = float(np.percentile(np.abs(rows), 97)) or float(np.max(np.abs(rows))) or 1.0
             begins = np.searchsorted(
                 self.t, np.linspace(self.t[0], self.t[-1], COLUMNS, endpoint=False)

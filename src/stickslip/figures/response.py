@@ -137,7 +137,7 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
         axes.plot(point.value, here, linestyle="none", zorder=3, **style)
     _scale(axes, response, name)
     if response.level and f"backbone_{name}" in data:
-        # room for the names of lines
+        # space for the names of lines
         axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
 
 

@@ -90,7 +90,7 @@ def _claim(folder: Path) -> None:
                 raise OSError("it belongs to another user")
             if status.st_mode & 0o077:
                 os.fchmod(handle, stat.S_IMODE(status.st_mode) & ~0o077)
-            if os.fstat(handle).st_mode & 0o022:  # some file systems have no modes
+            if os.fstat(handle).st_mode & 0o022:  # some file systems do not support modes
                 raise OSError("others can write to it")
         finally:
             os.close(handle)
@@ -121,7 +121,7 @@ def stored(path: Path, key: str, *, trusted: bool = False) -> bytes | None:
         if found != _head(key, code) + code:
             return None
         if not trusted and abs(time.time() - status.st_mtime) > _DAY:
-            with suppress(OSError):  # when it was last used; access times are often not kept
+            with suppress(OSError):  # time of the last use; access times are often not recorded
                 os.utime(handle if os.utime in os.supports_fd else path)
         return code
     except OSError:

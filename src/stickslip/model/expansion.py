@@ -70,7 +70,7 @@ class Expansion:
         }
         self.structures: dict[str, AnyStructure] = dict(system.structures)
         for name, structure in self.structures.items():
-            # Before laws, whose sliders take over the unit.
+            # Before laws, because their sliders inherit the unit.
             check_unit(structure.unit, f"{entry_key('structures', name)}.unit")
         self.forces = {self.unknown("forces", x): force for x, force in system.forces.items()}
         self.initial = {

@@ -58,7 +58,7 @@ def declare(system: System) -> Declaration:
         reader.outputs()
         reader.defaults()
     except ArithmeticError:
-        # Single formulas are checked one by one; this is for two that are too large only together.
+        # Single formulas are checked separately; this is for two that are too large only together.
         raise DeclarationError(
             system.name,
             "it contains numbers that are too large",

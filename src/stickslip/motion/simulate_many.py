@@ -248,8 +248,8 @@ def follow_all(
     """
     shared = bool(np.all(table == table[0]))
     slots = MOTION_SLOTS if shared else BATCH_SLOTS
-    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer
-    # these are made.
+    # Motions with the same parameters share their closed forms: fewer blocks compute these less
+    # often.
     lanes = (
         max(_MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
     )

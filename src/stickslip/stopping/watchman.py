@@ -156,7 +156,7 @@ def listen(interrupt: Array) -> PreviousHandler | None:
         before = signal.set_wakeup_fd(watchman.wakeup_fd, warn_on_full_buffer=False)
     except ValueError:  # the main thread of an interpreter in another one
         return None
-    if before == watchman.wakeup_fd:  # an exception came before it was given back
+    if before == watchman.wakeup_fd:  # an exception occurred before it was restored
         before = -1
     watchman.keyboard, watchman.others = interrupt, before
     return PreviousHandler(watchman, before)

@@ -165,7 +165,7 @@ def _cut(graph: _Graph, rest: Array, ends: Array | None) -> tuple[Array, Array, 
         cut = _border(graph, side, parts)
         size = np.bincount(part[cut], weights=weight[cut], minlength=parts).astype(float)
         beyond = np.bincount(label, weights=weight[rest] * (side[rest] == 2), minlength=parts)
-        whole = np.flatnonzero(beyond == 0)  # all as far: this part is a block
+        whole = np.flatnonzero(beyond == 0)  # all at the same distance: this part is a block
         size[whole] = np.inf
         chosen[size < best] = number
         best = np.minimum(size, best)

@@ -272,6 +272,6 @@ def lognormal_fit(x: Array, beyond: Array, total: Array) -> tuple[float, float]:
 
     start = np.array([0.0, 1.0])
     a, b = minimize(surprise, start, jac=True, method="BFGS", options={"gtol": _GRADIENT}).x
-    if b <= 0.0:  # the more, the fewer
+    if b <= 0.0:  # decreasing: no such distribution
         return math.nan, math.nan
     return math.exp(centre - width * a / b), width / b

@@ -484,7 +484,7 @@ def _backbone(level: str, found: list[Lines]) -> list[Cycle]:
         spaced = np.geomspace if ends[0] > 0.0 else np.linspace
         with suppress(ConvergenceError):
             for i, value in enumerate(spaced(*ends, _BETWEEN + 2)[1:-1].tolist()):
-                # Most of the way it goes straight to the next peak.
+                # Usually it leads straight to the next peak.
                 guess = last.parameters[x]
                 guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
                 there = moved(last, {level: value, x: guess})

@@ -152,7 +152,7 @@ def _node(
             [op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)]
         )
         made = Expr(op, value, args, terms, hashlib.sha1(text.encode()).hexdigest())
-        with _LOCK:  # another thread may just have made the same
+        with _LOCK:  # another thread may have just created the same node
             node = _nodes.get(identity)
             if node is None:
                 node = _nodes[identity] = made

@@ -213,7 +213,7 @@ class Function(Values, ast.NodeVisitor):
         self.assigned |= {name}
         once = self.stores[name] == 1 and not self.unrolled
         if value.lasting and once and value.offset is not None:
-            self.values[name] = value  # it may stay where it is: nothing writes there
+            self.values[name] = value  # no copy needed: nothing writes to it
             return
         known = self.types.setdefault(name, value.type)
         type_ = joined(known, value.type)

@@ -62,7 +62,7 @@ def H_L(p: dict[str, float]) -> float:
 def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
     """Friction threshold of a leg in the library."""
     limit = system.dry_contacts[leg].threshold
-    assert not isinstance(limit, tuple)  # the same forward and backward
+    assert not isinstance(limit, tuple)  # equal forwards and backwards
     return system.evaluate(limit, values)
 
 

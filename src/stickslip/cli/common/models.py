@@ -77,7 +77,7 @@ def differences(result: Result, system: System, model: str) -> list[str]:
     if not isinstance(own, System):
         reason = f"{result.KIND} is not a result of one system"
         raise DeclarationError("--model", reason, f"Remove {model}")
-    # The span of a motion is its own, as --until gives it.
+    # The span of a motion is not a setting: --until defines it.
     before, now = (s.to_toml().splitlines() for s in (own, replace(system, span=own.span)))
     lost = [f"stored: {line}" for line in before if line and line not in now]
     new = [f"{model}: {line}" for line in now if line and line not in before]

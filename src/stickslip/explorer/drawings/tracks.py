@@ -61,7 +61,7 @@ def crawler(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Sc
     for x, key in ((hind, "hind_leg"), (front, "front_leg")):
         leg = ((-0.34, 0.12), (0.34, 0.12), (0.22, 1.0), (-0.22, 1.0))
         scene.add(polygon(leg, (x, 0.0)))
-        # Bristles that lean back: they hold against one direction more than against the other.
+        # Inclined bristles: they resist one direction more than the other.
         foot = ((-0.4, 0.0), (0.26, 0.0), (0.36, 0.14), (-0.34, 0.14))
         scene.add(polygon(foot, (x, 0.0), look="sole", contact=key))
     scene.add(spring((hind + 0.25, 0.75), (front - 0.25, 0.75), coils=10, width=0.2))

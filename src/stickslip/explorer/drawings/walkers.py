@@ -105,6 +105,7 @@ def _impacts(motion: Trajectory, times: Array, theta: Array) -> tuple[Array, Arr
     at = motion.jumps["time"].to_numpy(float)
     if len(at) == 0:
         return np.zeros_like(times), np.zeros_like(times)
-    after = motion.at(at)["theta"]  # on the right of each strike, where it is −θ of before
+    # on the right side of each impact, where it is minus the previous θ
+    after = motion.at(at)["theta"]
     ways = np.concatenate([[0.0], np.cumsum(2.0 * np.sin(after))])
     return np.zeros_like(times), -ways[np.searchsorted(at, times, side="right")]

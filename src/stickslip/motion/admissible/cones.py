@@ -190,7 +190,7 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
                 shares[i, j] = product_of(rows, space, i, j)
             shares[i, number] = falls_along(rows, space, i)
         if not solve_equations(shares, number):
-            return number - 1, False  # the last is made of the others
+            return number - 1, False  # the last one is a combination of the others
         part = 1.0
         first = -1
         for j in range(number):

@@ -133,7 +133,7 @@ def put_friction(rows: Rows, space: Space) -> None:
             back = back or work[BEFORE, i] < -slow
         alone = len(block) == 1
         if not alone:
-            # In a plane a slip has no sense, and nothing is turned back.
+            # In a plane a slip has no sign and cannot reverse.
             forward = back = forward or back
         for side in range(2):
             slid, turned = (forward, back) if side == 0 else (back, forward)
@@ -280,7 +280,7 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         f, g = axes_in(rows, work, FORWARD, c)
         if not friction_of(rows, work, FORWARD, c) > 0.0:
             continue
-        # All that press a contact in a plane do it with one coefficient.
+        # All normal forces of a contact in a plane have the same coefficient.
         pressed = friction_of(rows, work, FORWARD, c) / f
         # w + D n, the same for every n
         n, m = work[SENSE, c], work[SENSE, o]
@@ -535,7 +535,8 @@ def largest_jump(rows: Rows, work: Array) -> float:
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     """A first guess of the mode after an impact: contacts that have rebounded are open; the others
     are closed, and stick if they are at rest."""
-    # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
+    # Rounding errors are relative to the jump, not to the speed at which a contact continues to
+    # slide.
     largest = largest_jump(rows, work)
     for c in rows.openings:
         if tried[NEAR, c] == 1:

@@ -338,7 +338,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         if sticks_in(rows, mode, c, group):
             speed_of(flow, c, rank, best)
             lost += aside[RADIUS, c] * support_at(flow, c, space.along[MOVED])
-    # F″ is smallest along the mechanism, and largest where contacts stay behind.
+    # F″ is smallest along the mechanism, and largest if contacts stay at rest.
     for r in range(rank):
         basis[held, r] = best[r]
     if held < rank and is_new(rank, basis, held, 0.0):

@@ -134,13 +134,14 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     for j in range(count):
         p.x[j] = p.values[j]
         largest = max(largest, modulus(p.values[j]))
-    # A rate is as many times larger than its place as its mode is fast.
+    # The ratio of a rate to its displacement is the eigenvalue of the mode.
     scale = min(max(largest, 1.0), _FASTEST)
     for j in range(count):
         value = settled(p.values[j], largest)
         if value != 0.0j and modulus(value) < _SLOW * largest:
             return -1
-        # A pair that is one only by rounding: both parts of its vector belong to one real value.
+        # A pair that is complex only by rounding: both parts of its vector belong to one real
+        # value.
         if value.imag == 0.0 and p.values[j].imag > 0.0:
             p.values[j + 1] = value
             for i in range(count):

@@ -80,7 +80,7 @@ def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
     """
     for i in range(first, first + used):
         if key[i] == wanted:
-            # Not i itself: the compiler would carry the address of every table through this loop.
+            # Not i itself: the compiler would keep the address of every table through this loop.
             return own[i]
     return -1
 
@@ -197,7 +197,7 @@ def leading_terms(
         k = 0
         value = 0.0
         while k < LEADING_ORDERS:
-            if ready < k:  # derivatives are made as far as they are needed
+            if ready < k:  # derivatives are computed up to the order needed
                 ready = k
                 _derive(S, v, k)
             value, terms = 0.0, 0.0

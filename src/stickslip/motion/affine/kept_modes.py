@@ -80,7 +80,7 @@ def is_same(k: KeptModes, slot: int, F: Array, moving: Array, part: Array) -> bo
     for i in range(n):
         if k.parts[slot, 0, i] != moving[i] or k.parts[slot, 1, i] != part[i]:
             return False
-    # Modes differ in the rates of velocities, which are behind those of places.
+    # Modes differ in the rates of velocities, which come after those of positions.
     for i in range(n - 1, -1, -1):
         for j in range(n):
             if k.F[slot, i, j] != F[i, j]:

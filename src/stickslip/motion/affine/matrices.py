@@ -229,7 +229,7 @@ def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 hold[c, q] = space.Rq[first + i, rows.homes[c, SEAT] - first]
             inverse = own_inverse(rows, space, c)
-            if inverse == 0.0:  # inertia that moves is inverted where a series begins
+            if inverse == 0.0:  # variable inertia is inverted at the beginning of a series
                 return False
             hold[c, nq] = 1.0 / abs(inverse)
     return True

@@ -254,7 +254,7 @@ def encloses(
             tally.law[c, LARGEST_SPEED],
         ) + REST_PART * acting * rate_terms(rows, mag, c)
         if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
-            # Forces that begin with zero make a velocity, too.
+            # Forces that start from zero cause a velocity, too.
             made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
             speed += REST_PART * acting * made
         if not deviation_bound(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:

@@ -231,7 +231,7 @@ def audit_step(
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
         give_directions(flow.rows, mode, False)
         if not factor < np.inf:
-            h, steps.open[i] = longest, max(steps.open[i], left)  # no more is tried here
+            h, steps.open[i] = longest, max(steps.open[i], left)  # no further attempts here
         acting = min(h, series) if series > 0.0 else h
         rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
         piece = StepPiece(order, base, h, acting, factor, rounding)
@@ -411,7 +411,7 @@ def judge(
         defect = most(defect, relative(state[DEFECT, r], size))
         own = most(own, relative(state[ROUNDED, r], size))
         reach_ = max(reach_, state[LARGEST, r])
-    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
+    # The energy is known only up to rounding errors: if hardly any energy flows, that is the scale.
     scale = max(flow, ENERGY_SCALE * energy, ENERGY_SCALE * force * reach_)
     residuals[ENERGY_BALANCE] = relative(
         max(imbalance - force * tally.total[ROUNDING_ERRORS], 0.0), scale

@@ -78,7 +78,7 @@ def states_in_flights(
     if not np.any(fast):
         return done
     shortest = float(np.min(T.shortest[:used][fast]))
-    # At a knot the state is known; of a motion with many flights, few have other times in them.
+    # At a knot the state is known; few of the flights of a motion contain other times.
     inside = np.flatnonzero((clock > knots.clock[index]) & (lengths[index] > _LONG * shortest))
     inside = inside[np.argsort(index[inside], kind="stable")]
     which, firsts = np.unique(index[inside], return_index=True)

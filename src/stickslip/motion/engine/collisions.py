@@ -264,7 +264,7 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
         found = answer_together(rows, space, at.mode)
         if found != JUMPED:
             break
-        found = NO_IMPULSE  # unless a later turn ends it
+        found = NO_IMPULSE  # unless a later iteration ends it
         for q in range(nq):
             work[_TOTAL, q] += work[CHANGE, q]
             at.y[nq + q] += work[CHANGE, q]

@@ -468,7 +468,7 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
         speed = flow.space.W[rows.planes[p, AIM_SPEED]]
         if not speed[0] > 0.0 or not slips_with_mass(rows, lane.mode, p):
             continue
-        # Mostly, it takes longer at the rate of now.
+        # Usually it takes longer at the current rate.
         if speed[0] + 2.0 * soon * speed[1] < 0.0:
             end, _ = slip_end(speed, flow.order, soon)
             if end < np.inf:

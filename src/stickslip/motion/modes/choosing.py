@@ -100,11 +100,11 @@ def settle_mode(
     units = 0
     candidate = 0
     total = 0
-    kept = 0  # times that the forces of such a state were put right
+    kept = 0  # number of corrections of the forces of such a state
     flipped = lane.counters[CAUSE]
     slack = 1.0
     breaks = 1  # whether a contact has to break its static threshold to slip in such a state
-    denied = 0.0  # longest step of a mode that was denied
+    denied = 0.0  # longest step of a mode that was rejected
     while True:
         if pivots > 0:
             copy(space.y0, lane.y)
@@ -129,7 +129,7 @@ def settle_mode(
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # maybe at the end of a table
+        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # possibly at the end of a table
         if begins and flip_at_ends(rows, space.W, space.mag, lane.reg):
             continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
@@ -228,7 +228,7 @@ def try_mode(
         fill_powers(space.powers, length / space.W[n, 1])
         guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if stiff and (guard >= 0 or not step > 0.0):
-        # A guard that vanishes is known better from its series.
+        # A vanishing guard is more accurate from its series.
         clock[IMPLICIT] = -RESTING
         space.W[n, 1] = unit
         return _AGAIN, count, h, series
@@ -309,7 +309,7 @@ def choose_next(
             touched[nk + c] = 1
         total = candidates(rows, touched, nk)
         if asked == 0:
-            # A contact may be so close to two modes that rounding denies it both.
+            # A contact may be so close to two modes that rounding errors exclude both.
             slack *= 1e2
             if slack > _SLACKEST and breaks == 1:
                 # A contact that has broken its threshold may let others stick by its smaller force.

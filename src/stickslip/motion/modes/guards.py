@@ -554,8 +554,7 @@ def scan(
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
         if just or slack > 1.0:
-            # A ramp begins at a kink; the force of a contact turns where it does, unless that
-            # leaves no mode.
+            # A ramp begins at a kink; the force of a contact rotates there, unless no mode remains.
             guard = just_fired(guard, late, late if g < nk or slack > 1.0 else 0.0, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(

@@ -203,7 +203,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
                 left += abs(table[rows.u[d], 0])
                 if rows.homes[d, PART] == part:
                     size += abs(R[first + i, rows.homes[d, SEAT] - first])
-            # One direction alone is given as much room as two.
+            # A single direction has the same tolerance as two.
             size *= left if len(block) > 1 else 4.0 * left
             if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
                 y[q] = 0.0

@@ -47,8 +47,8 @@ PER_FACE = 24  # number of rows of Space.facing for each face
 NOWHERE = -1  # no row
 NONE_YET = 9  # no mode of a contact
 
-# Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and
-# internal parts; how many contacts move coordinates of each kind; how many kinks there are.
+# Slots of Rows.sizes: the lengths of the state, and of its inertial, viscous, rate-independent and
+# internal parts; the numbers of contacts that move coordinates of each kind; the number of kinks.
 (
     DIMENSION,
     INERTIAL,

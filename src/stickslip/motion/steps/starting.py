@@ -568,7 +568,7 @@ def secular_root(
     rho = size - low
     for _ in range(_MOST_TURNS):
         if not rho + low > 4.0 * EPSILON * middle:
-            return x / size, y / size, rho  # nothing begins: the force is below the threshold
+            return x / size, y / size, rho  # no slip begins: the force is below the threshold
         n, m = solved(a, b, c, rho, x, y)
         length = math.hypot(n, m)
         p, q = solved(a, b, c, rho, n, m)

@@ -612,8 +612,8 @@ def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float
             size += EPSILON / tol * mag[rows.noise[r]] * h
         worst = share(worst, discs[p.rates[r]], h, part, tol, size)
         if discs[p.rates[r], OFF] > 0.0 and abs(W[r, 0]) < atol * seen[r]:
-            # A motion does not pass where its own rate has no derivative, such as √x at 0, however
-            # little is left of it.
+            # A motion does not continue where its own rate has no derivative, such as √x at 0,
+            # however small the remaining step.
             worst = share(worst, discs[p.rates[r]], h, part, tol, own)
     for i in range(n, len(rows.watched)):
         r = rows.watched[i]

@@ -179,7 +179,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         if edge is None and not onward.gap(y, chart.on_edge).ok:
             onward = _onward(there, y, towards, trial, here, _NEARER)
     if edge is None and onward is not None:
-        # Just beyond, a phase may be gone whose twin is only too short a little later.
+        # Just beyond, a phase may have vanished whose symmetric counterpart becomes too short
+        # slightly later.
         kind, note = change_of(equations, here, sequence(onward.chart.orbit(onward.x).motion))
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:

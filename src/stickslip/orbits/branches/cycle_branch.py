@@ -87,7 +87,7 @@ _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 # corners this near, relative to the range and the size of a cycle, are regarded as one
 _SAME = 1e-6
-_SMALLER = 0.1  # factor of decrease of a size up to which a branch that may vanish is continued …
+_SMALLER = 0.1  # factor on the smallest size while a cycle is not found to vanish, …
 _TINY = 1e-5  # … down to this fraction of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 

@@ -249,7 +249,7 @@ class _Follower:
         def onward(start: Start[Steady], path: Path) -> Start[Steady] | Ending:
             certified = self._certified(start.of, path)
             if start.problem.accept is None and not all(_solved(found) for found, _ in certified):
-                # Then every point is measured before the next one is looked for.
+                # Then every point is measured before the next one is computed.
                 return self._start(start.of, start.x, start.towards, careful=True)
             piece = _Piece(start.of, path, certified)
             pieces.append(piece)
@@ -600,7 +600,7 @@ def hopf_test(eigenvalues: Array) -> float:
     first, second = _pairs(len(eigenvalues))
     sums = eigenvalues[first] + eigenvalues[second]
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
-    # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign
-    # to change.
+    # Sums that vanish identically, as without damping, are set to zero: the sign of a rounding
+    # error must not change.
     part = np.where(np.abs(sums) > ROUNDED_SUM * sizes, ratio(sums, sizes), 0.0)
     return float(np.prod(part).real)

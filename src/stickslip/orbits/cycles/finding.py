@@ -79,7 +79,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     y = old.legs[0].place.state
     found = Recurrence(time, y, old.period, start.shooting.setting.turns, old.shift, 0.0)
     if w.clock is not None:
-        # Drives may act that were off, and the other way round.
+        # Drives that were off may act, and vice versa.
         now = clock(problem.system, problem.compiled.equations, problem.parameters)
         values = old.problem.parameters
         one = now.period({**values, **dict.fromkeys(now.zero, 0.0)})
@@ -240,7 +240,7 @@ def _first_look(problem: Problem) -> float:
     try:
         drives = clock(problem.system, problem.compiled.equations, problem.parameters)
         return min(end - begin, _TURNS * drives.period(problem.parameters))
-    except DeclarationError:  # nothing drives it, or nothing that repeats
+    except DeclarationError:  # no drives, or no periodic ones
         return end - begin
 
 
@@ -361,7 +361,7 @@ class _Search:
         if closed is not None:
             return closed
         exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
-        # Irregular motion comes near many cycles, and settles on none.
+        # An irregular motion comes close to many cycles and converges to none.
         if exponent is None or not exponent.irregular:
             closed = self._tried(w, [r for r in found if _SETTLED < r.distance <= _NEARBY])
             if closed is not None:

@@ -62,7 +62,7 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
         later = variation(part, pieces, change[:, None]).matrix[: len(sizes), 0]
         size = float(np.linalg.norm(later / sizes))
         if not size > _FORGOTTEN:
-            change = None  # all of it was forgotten where contacts stick
+            change = None  # sticking contacts have removed the entire change
             continue
         growth.append(np.log(size))
         lengths.append(part.t_span[1] - part.t_span[0])

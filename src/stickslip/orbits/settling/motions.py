@@ -421,7 +421,8 @@ class Block:
         growth = self.found.exponent[late] * (TURNS - SKIPPED) * marks.real[late, DURATION]
         marks.real[:, DURATION] = lasted
         slow = np.array([changes_slowly(marks, self.rules, int(i)) for i in late])
-        # Without a drive neighbours come together at an equilibrium alone, but where all sticks.
+        # Without a drive neighbouring motions converge only at an equilibrium, unless all contacts
+        # stick.
         free = (marks.drive[late] == 0.0) & (not self.rules.timed)
         slow |= free & np.isfinite(growth) & (growth < -CERTAIN_GROWTH)
         calm = np.where(slow, Outcome.SLOW.code, Outcome.NOT_SETTLED.code)

@@ -141,7 +141,7 @@ def refined(
         )[0]
         to_x = step[:n]
         to_contacts = step[n:].reshape(k, n + 1)
-        if float(np.abs(step).max()) <= _SMALL:  # the next one would be rounding
+        if float(np.abs(step).max()) <= _SMALL:  # the next step would be a rounding error
             x, contacts = x - to_x, contacts - to_contacts
             break
         for share in _SHARES:

@@ -305,7 +305,7 @@ class OutputPlan:
                 )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
         self.count: int = 0  # steps so far
-        self.size: int = 0  # numbers kept of z
+        self.size: int = 0  # number of stored values of z
         self.kept: list[tuple[Array, Array]] = []
         self.blocks: list[tuple[Array, dict[str, Array], Array]] = []
 

@@ -107,7 +107,7 @@ class Factor:
         ).toarray()
         diagonal = np.diagonal(H)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        # With a unit diagonal the ridge means the same for every unknown.
+        # With a unit diagonal the ridge is the same relative perturbation for every unknown.
         H *= np.outer(scale, scale)
         ridge = _RIDGE
         while True:
@@ -153,8 +153,8 @@ class Hierarchy:
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
-            # Entries that cancel in R A P have their place all the same: they do not cancel once A
-            # is truncated.
+            # Entries that cancel in R A P are stored all the same: they do not cancel once A is
+            # truncated.
             pattern = (abs(fine.R) @ pattern @ abs(fine.P)).tocsr()
             pattern.sort_indices()
             self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))

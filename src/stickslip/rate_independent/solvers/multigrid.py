@@ -339,7 +339,7 @@ class Multigrid:
         t, end = lowest_along(
             lambda t: offset + t * curvature + slope_along(law.lower, law.upper, d, p, t), start
         )
-        # not from values of J, whose differences are soon lost in rounding
+        # not from values of J: their differences are soon rounding errors
         return 0.5 * t * (start + end), t
 
 
@@ -393,7 +393,7 @@ def checked_vector(given: Any, name: str, size: int) -> Array:
     """Check that an array has finite numbers and a given size."""
     if given is None:
         raise DeclarationError(name, "the value is missing", f"Give {size} numbers")
-    # compiled functions take no array that they could not write to
+    # compiled functions accept only writable arrays
     array = np.require(given, float, ("C", "A", "W"))
     if array.shape != (size,):
         raise DeclarationError(name, f"its shape is {array.shape}", f"Give {size} numbers")

@@ -108,7 +108,7 @@ class FunctionMeasure:
         function = self.function or _from_file(self.path, self.name, self.digest)
         try:
             found = function(trajectory)
-        # a mistake in the user's function is missing data, not the end of a map of a million points
+        # an error in a user's function is missing data and does not end a map of a million points
         except Exception:
             return math.nan, REASONS.index("raised_an_error")
         try:

@@ -244,7 +244,7 @@ def restore_mark(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: 
 def reset_motion(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Reset a motion to its state before the extrapolation, and let it continue from there."""
     numbers = m.numbers[i]
-    # Later and later, so that where no leap is right few are tried.
+    # At increasing intervals, so that few are tried if no leap succeeds.
     patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
     numbers[REST] = numbers[HOME] + patience
     return restore_mark(m, lanes, saved, i, m.home, numbers[HOME])
