@@ -53,7 +53,7 @@ _DISTANCES = (3.0, 6.0, 10.0, 15.0, 21.0, 28.0, 36.0, 45.0, 60.0)
 _DIRECTIONS = (45.0, 90.0, 135.0, 15.0, 165.0, 70.0, 110.0, -20.0, 200.0, -45.0, 225.0, -90.0)
 _GRID = np.array(
     [(i, j) for i in np.linspace(-1, 1, 21) for j in np.linspace(-1, 1, 5)]
-)  # of a box
+)  # sample points of a box
 _APART = 2.0  # points between a label and other objects
 
 

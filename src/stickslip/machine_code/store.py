@@ -86,7 +86,7 @@ def _claim(folder: Path) -> None:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             status, me = os.fstat(handle), os.geteuid()
-            if status.st_uid != me or os.lstat(folder).st_uid not in (me, 0):  # lstat: of a link
+            if status.st_uid != me or os.lstat(folder).st_uid not in (me, 0):  # lstat: the link
                 raise OSError("it belongs to another user")
             if status.st_mode & 0o077:
                 os.fchmod(handle, stat.S_IMODE(status.st_mode) & ~0o077)

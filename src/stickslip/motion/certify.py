@@ -68,7 +68,7 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
         rounding = ROUNDED_SUM * float(np.max(sizes[kind], initial=0.0))
         missed[kind] = np.where(missed[kind] <= rounding, 0.0, missed[kind])
     if _collides(trajectory, start):
-        missed[n : 2 * n] = 0.0  # The first knot is behind an impact, which is one of velocities.
+        missed[n : 2 * n] = 0.0  # The first knot is after an impact, which changes velocities.
     changed = missed != 0.0
     with np.errstate(divide="ignore"):
         return float(np.max(missed[changed] / sizes[changed], initial=0.0))

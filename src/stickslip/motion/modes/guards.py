@@ -369,7 +369,7 @@ def guard_of(
         size = kink_terms(rows, mag, g)
         rate = abs(W[row, 1])
         if rows.timed[g] == 1:
-            around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the time
+            around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # rounding of the time
         if rows.vanishing[g] >= 0 and powers[1] > 0.0:
             rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
     elif requirement_of(g, nk, nc) >= 0:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SHORTEST = 1e-9  # a segment that is shorter than this fraction of the motion takes no time
 _POINTS = 16  # smallest number of points in every step
-# largest factor on them in a step; when a slip ends, linear motions decay at once
+# largest factor on them in a step; at the end of a slip linear motions decay immediately
 _MOST_PARTS = 1000
 _MOST_STEPS = 4000  # largest number of steps that are searched
 # largest number of entries of the states that are searched, if steps are divided
