@@ -221,8 +221,8 @@ _MODULES = {
     "laws": "model.laws",
     "style": "figures.drawing.style",
 }
-# Where each public name lives, and what it is called there if that is something else. Nothing is
-# imported before it is asked for: xarray takes half a second.
+# Module of each public name, with its name there if that is different. Imports are deferred until
+# first use: xarray takes half a second.
 _HOMES = {
     **dict.fromkeys(["VectorField", "vector_field"], "equations.vector_field"),
     **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),

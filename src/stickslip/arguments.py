@@ -98,7 +98,7 @@ def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> No
     for kind in kinds:
         if kind.fits(value):
             return
-    # None goes without saying
+    # None is not mentioned
     said = [kind for kind in kinds if kind is not _KINDS["None"]] or list(kinds)
     expected = " or ".join(dict.fromkeys(kind.name for kind in said))
     raise DeclarationError(name, f"expected {expected}, got {argument_said(value)}", said[0].remedy)
@@ -133,7 +133,7 @@ def is_real(value: Any) -> bool:
     """Whether a value is a real number that a float can hold."""
     if type(value) is float:  # most are; abstract classes take ten times as long
         return value == value
-    # Also arrays without axes, of whatever library.
+    # Arrays without axes of any library are numbers, too.
     if _is_truth(value) or not (isinstance(value, Real) or getattr(value, "ndim", 1) == 0):
         return False
     try:
@@ -151,7 +151,7 @@ def _is_truth(value: Any) -> bool:
 
 
 def _is_pair(value: Any) -> bool:
-    # What is not a number in it, functions refuse together with ranges.
+    # Entries that are not numbers are rejected by the functions, together with ranges.
     return _is_list(value) and len(value) == 2 and all(is_real(v) or v != v for v in value)
 
 
@@ -187,7 +187,7 @@ def _mapping(of: Callable[[Any], bool] | None = None) -> Callable[[Any], bool]:
 
 def _sequence(of: Callable[[Any], bool] | None = None) -> Callable[[Any], bool]:
     def fits(value: Any) -> bool:
-        if not _is_list(value):  # an iterator can be asked once only
+        if not _is_list(value):  # an iterator can be consumed only once
             return hasattr(value, "__next__")
         return of is None or all(map(of, value))
 
@@ -280,7 +280,7 @@ def _kind_of(part: str) -> ArgumentKind | None:
 
 
 def _instance(name: str) -> Callable[[Any], bool]:
-    # By name: whoever imported the class has a reason, and this module has none.
+    # Compared by name, so that the module of the class is not imported here.
     return lambda value: any(kind.__name__ == name for kind in type(value).__mro__)
 
 

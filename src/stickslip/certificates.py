@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip import page
 
-_MOST_SPANS = 8  # not verified, that are named
+_MOST_SPANS = 8  # largest number of spans that are named if they are not verified
 
 
 @dataclass(frozen=True)

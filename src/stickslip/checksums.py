@@ -121,7 +121,7 @@ def _arrays(data: xarray.Dataset) -> dict[str, str]:
     for name, variable in data.variables.items():
         values = np.asarray(variable.values)
         about = [variable.dims, values.shape, {k: _listed(v) for k, v in variable.attrs.items()}]
-        content: Any = b""  # of no values a file does not tell the type
+        content: Any = b""  # a file does not store the type of an empty array
         if values.size and values.dtype.kind in "biufc":
             numbers = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
             content = numbers.reshape(-1).view(np.uint8).data

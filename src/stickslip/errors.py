@@ -31,7 +31,7 @@ class DeclarationError(StickslipError, ValueError):
     """
 
     def __init__(self, where: str, reason: str, remedy: str = "") -> None:
-        # One line on the terminal, whatever stands in the user's file.
+        # Text of the user's file is reduced to one line on the terminal.
         self.where: str = printable(where)
         self.reason: str = printable(reason)
         self.remedy: str = printable(remedy)
@@ -137,7 +137,7 @@ def suggestion(
     names = list(dict.fromkeys(known))
     check = None if accepts is None else _accepted.get() or accepts
     if check is not None and _trying.get():
-        return ""  # of a name that is tried, nobody reads the message
+        return ""  # the message for a candidate name is not shown
 
     def accepted(name: str) -> bool:
         return check is None or _is_accepted(check, name)
@@ -145,7 +145,7 @@ def suggestion(
     close = next(filter(accepted, get_close_matches(name, names, _CLOSE)), None)
     if close is not None:
         return f"Did you mean {quote}{close}{quote}?"
-    # No more names are tried than are shown.
+    # The number of names that are tried is limited by the number shown.
     half = _MOST // 2
     first = list(islice(filter(accepted, names), half))
     others = names[names.index(first[-1]) + 1 :] if len(first) == half else []

@@ -52,7 +52,7 @@ def made_once(
     if found is _MISSING:
         found = make()
         if most is not None and len(known) >= most:
-            known.clear()  # also what another thread has just put there, and has
+            known.clear()  # also entries that another thread has just added and uses
         known[key] = found
     return found
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 PATIENCE = 0.5
 """Seconds before which nobody asks how far it is."""
 _EVERY = 0.2  # seconds between two pictures of a bar in a notebook
-_display: Progress | None = None  # a terminal has room for one
-_page: _Page | None = None  # a cell of a notebook, too
+_display: Progress | None = None  # shared: a terminal has room for one progress display
+_page: _Page | None = None  # shared: so has the output of a notebook cell
 _Listener = TypeVar("_Listener", bound=Callable[..., None])
 
 

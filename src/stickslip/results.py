@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from stickslip.model.system import System
 
-_SHOWN = 12  # of many rows or numbers on a page; all are in the data
+_SHOWN = 12  # largest number of rows or values on a page; the data contain all
 
 
 class Ended(Enum):

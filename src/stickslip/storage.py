@@ -134,7 +134,7 @@ def reading(
         yield data, own
     except StickslipError:
         raise
-    except Exception as error:  # of a damaged file without checksums, libraries say anything
+    except Exception as error:  # libraries raise anything for damaged files
         raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from error
 
 
@@ -176,13 +176,13 @@ def kind_of(path: str | Path, known: Container[str]) -> str:
     """
     import netCDF4
 
-    if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+    if os.path.isdir(path):  # Path.is_dir raises for invalid paths
         return "sweep"
     path = _whole(path)
     try:
         with netCDF4.Dataset(path) as file:
             kind = str(file.getncattr(f"{PREFIX}kind"))
-    except Exception:  # of what is no such file, netCDF says anything
+    except Exception:  # netCDF4 may raise any exception for other files
         kind = ""
     if kind not in known:
         raise StickslipError(

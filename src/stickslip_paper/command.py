@@ -18,7 +18,7 @@ import stickslip as ss
 if TYPE_CHECKING:
     from stickslip_paper.making import Item, Work
 
-_UNEXPECTED = 1  # exit codes, as those of all commands
+_UNEXPECTED = 1  # exit code, as for all commands
 INTERRUPTED = 130
 _NEEDED = {"SymPy": "sympy", "Pillow": "PIL"}
 NAMES = ("claims.json", "index.html", "figures", "animations")
@@ -51,12 +51,12 @@ def paper(
         "paper" if only is None else f"paper-{re.sub(r'[^0-9A-Za-z.]+', '', only)}"
     )
     with _writing(folder):
-        write_data(work, folder, 0.0)  # from now on the folder is known as ours
+        write_data(work, folder, 0.0)  # marks the folder as ours
         with _bar() as show:
 
             def made(fraction: float, item: Item) -> None:
                 show(fraction, f"{item.kind} {item.key[:32]:<32}")
-                # whatever happens to the rest
+                # recorded in case of a later failure
                 write_data(work, folder, time.perf_counter() - began)
 
             make_all(work, folder, made)

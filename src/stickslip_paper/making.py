@@ -152,7 +152,7 @@ def make(item: Item, folder: Path) -> Made:
         return Made(item, time.perf_counter() - began, finding)
     try:
         files = draw(item.key, folder) if item.kind == "figure" else animate(item.key, folder)
-    except Exception as error:  # one picture that fails leaves the others
+    except Exception as error:  # a failure of one figure does not affect the others
         return Made(item, time.perf_counter() - began, error=f"{type(error).__name__}: {error}")
     return Made(
         item, time.perf_counter() - began, files=tuple(str(f.relative_to(folder)) for f in files)

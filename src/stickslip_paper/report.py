@@ -18,7 +18,7 @@ from stickslip_paper.making import Made, Work, source_of
 from stickslip_paper.sections.claim import Claim, Verdict
 from stickslip_paper.typeset import typeset
 
-_INLINE = 1_500_000  # bytes of a vector drawing above which the page shows its PNG
+_INLINE = 1_500_000  # bytes of a vector figure above which the page shows its PNG
 _TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
 
 

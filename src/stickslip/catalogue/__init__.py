@@ -72,7 +72,7 @@ def about(name: str) -> tuple[str, str]:
             texts = [part.value for part in told if isinstance(part, ast.Constant)]
             if node.func.id == "System" and len(texts) == 2:
                 return str(texts[0]), str(texts[1])
-    system = get(name)  # its title is a formula
+    system = get(name)  # its title is not a literal
     return system.title, system.source
 
 

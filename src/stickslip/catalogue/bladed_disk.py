@@ -13,7 +13,7 @@ from stickslip.symbolic.formulas import is_finite
 
 _BLADE, _SECTOR = 0.3, 1.0  # kg
 _ROOT, _GROUND, _RIM = 4.3e5, 4.0e6, 1.0e6  # N/m: blade on disc, disc on shaft, between sectors
-_RATIO = 0.002  # of critical damping, in every mode
+_RATIO = 0.002  # damping ratio of every mode
 _MOST = 100  # blades
 
 
@@ -62,7 +62,7 @@ def bladed_disk(
     n, order = int(n), int(order)
     one = np.eye(n)
     ring = 2.0 * one - np.roll(one, 1, axis=0) - np.roll(one, -1, axis=0)
-    # without a pattern that repeats, or is the same from both sides
+    # neither periodic nor symmetric
     root = _ROOT * np.diag(1.0 + mistuning * np.cos(2.4 * np.arange(n) ** 2))
     stiffness = np.block([[_GROUND * one + _RIM * ring + root, -root], [-root, root]])
     parts = [f"{part}_{i}" for part in ("disc", "blade") for i in range(1, n + 1)]

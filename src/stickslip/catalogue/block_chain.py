@@ -60,7 +60,7 @@ def block_chain(N: float = 3, **given: float | str) -> System:
             )
             for i, x in enumerate(blocks, 1)
         },
-        # Blocks that start alike would move as one.
+        # Blocks with equal initial values would move as one.
         initial={x: 0.2 * (i * i % 5) for i, x in enumerate(blocks)},
         span=DefaultSpan((0, 100)),
         time_unit="s",

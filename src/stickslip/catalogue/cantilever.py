@@ -11,7 +11,7 @@ from stickslip.structures.structure import Structure
 from stickslip.symbolic.formulas import is_finite
 
 _LENGTH, _BENDING, _DENSITY = 2.0, 2.3125e6, 117.45  # m, N m^2, kg/m: 0.1 m x 0.15 m of steel
-_RATIO = 0.01  # of critical damping, in every mode
+_RATIO = 0.01  # damping ratio of every mode
 _MOST = 200  # elements
 
 

@@ -19,8 +19,8 @@ from stickslip.symbolic.expressions import Expr
 
 BoxRanges = Mapping[str, tuple[Array, Array]]
 Decided = NDArray[np.bool_]
-_MOST = 40_000  # boxes in all
-_NARROWEST = 2.0**-40  # box that is divided, as a part of the first
+_MOST = 40_000  # largest number of boxes
+_NARROWEST = 2.0**-40  # narrowest box that is divided, as a fraction of the first
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _positive_semidefinite(upper: Sequence[Box], size: int) -> NDArray[np.bool_]
     """Whether all matrices in boxes are, given the boxes of their upper triangles."""
     rows, columns = np.triu_indices(size)
     bounds = np.stack(upper)  # (entries, 2, boxes)
-    # Where second derivatives are unbounded, slopes may jump.
+    # If second derivatives are unbounded, slopes may jump.
     finite = np.isfinite(bounds).all(axis=(0, 1))
     if size == 1:
         return finite & (bounds[0, 0] >= 0.0)
@@ -163,7 +163,7 @@ def _positive_semidefinite(upper: Sequence[Box], size: int) -> NDArray[np.bool_]
     for i, j, (least, most) in zip(rows, columns, bounds, strict=True):
         middle[:, i, j] = middle[:, j, i] = 0.5 * (least + most)
         radius[:, i, j] = radius[:, j, i] = 0.5 * (most - least)
-    # Weyl: no eigenvalue moves by more than the norm of what is added. The last part is rounding.
+    # Weyl: eigenvalues change by at most the norm of the perturbation. The last term is rounding.
     moved = radius.sum(axis=2).max(axis=1)
     rounding = 8.0 * size * np.finfo(float).eps * np.abs(middle).sum(axis=2).max(axis=1)
     return finite & (np.linalg.eigvalsh(middle)[:, 0] >= moved + rounding)

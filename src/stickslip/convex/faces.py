@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stickslip.symbolic.formulas import Definition
 
-# Beside x in the logarithm, so that a motion passes through x = 0 in steps. What this changes is
-# subtracted to first order in it: the rest is below 1e-16, except in the derivatives of a ring,
-# which change by 4e-10 while x is about 1e-8.
+# Added to x in the logarithm, so that a motion passes through x = 0 in steps. Its effect is
+# subtracted to first order: the rest is below 1e-16, except in the derivatives of a ring, which
+# change by 4e-10 while x is about 1e-8.
 _PASSING = 1e-8
 # Coefficients of P and Q: of a disc that spins faster than it slides, of one that slides faster,
 # and of a ring.
@@ -131,7 +131,7 @@ def mean_speeds() -> dict[str, Definition]:
     def either(above: str, below: str) -> str:
         return f"piecewise(u**2 + v**2 <= w**2, {above}, {below})"
 
-    # As 1 − m, x has a narrow enclosure where m is small.
+    # Written as 1 − m, x has a narrow enclosure if m is small.
     lesser, larger = either("u**2 + v**2", "w**2"), either("w**2", "u**2 + v**2")
     found = {"_rim": Definition("disc", ("u", "v", "w"), f"1 - {lesser}/{larger}")}
     for part, P, Q, p in (

@@ -16,11 +16,11 @@ from stickslip.kept import cached_property
 from stickslip.numerics.levels import LAST_DIGITS, SAME_VALUE
 
 _ANGLES = 360  # directions of a plane
-_PLANES = 24  # random ones
-_MOST_AXES = 6  # components up to which the planes of all pairs of axes are looked at
-_PLACES = 8  # values of the other names, within their ranges
-_ROUNDING = 1e-11  # of a value, by which convexity may fail
-_BESIDE_BORDERS = 64  # places on a hyperplane
+_PLANES = 24  # random planes
+_MOST_AXES = 6  # number of components up to which the planes of all pairs of axes are sampled
+_PLACES = 8  # samples of the other names, within their ranges
+_ROUNDING = 1e-11  # relative violation of convexity that is regarded as rounding
+_BESIDE_BORDERS = 64  # samples near a hyperplane
 _REACHES = (1e-1, 1e-2, 1e-3, 1e-4)
 _FACTORS = (0.5, 2.0, 1e3)
 

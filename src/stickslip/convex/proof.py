@@ -79,7 +79,7 @@ class Proof:
         except ArithmeticError:
             return False
         border = directions.without(name, place)
-        if not border.names:  # of one component: the border is 0
+        if not border.names:  # one component: the border is 0
             return True
         return (
             border.nonnegative(gap, self.slack)

@@ -16,13 +16,13 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_ANGLES = 1440  # of a circle, between which a jump of the gradient is looked for
-_ARCS = 12  # that are looked into
-_PLANES = 9  # circles beside those of pairs of axes, of three components
+_ANGLES = 1440  # samples of a circle, between which a jump of the gradient is searched for
+_ARCS = 12  # number of arcs that are refined
+_PLANES = 9  # additional circles besides those of pairs of axes, for three components
 _HALVINGS = 44
-_JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
+_JUMP = 1e-6  # relative change of a gradient across an arc as narrow as rounding allows
 _LARGEST = 1e150
-_FLAT = 1e-9  # width of the set of forces, in parts of the largest
+_FLAT = 1e-9  # width of the set of forces, relative to the largest
 
 
 def smooth_dissipation(
@@ -100,7 +100,7 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
 def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> None:
     gradient = evaluator([*formula.gradient], [*formula.names, *formula.ranges])
     circles = np.array(_circles(formula.dimension))
-    # A start that hits no direction in which a formula may have a kink by its form.
+    # A start away from the directions in which a formula may have a kink by its form.
     angles = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES + 1) / _ANGLES
 
     def slopes(own: Array, angle: Array) -> Array:

@@ -50,7 +50,7 @@ _PASSES = {
     "both": ("passes through 0", "="),
 }
 _RATE = "{}'"
-ACCELERATION = "{}''"  # no identifier, so that it cannot be a name of the declaration
+ACCELERATION = "{}''"  # not an identifier, so that it cannot be a name of the declaration
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Equations:
         in_planes = {part for parts in self.system.planes.values() for part in parts}
         for name, contact in self.system.dry_contacts.items():
             if contact.kinetic is not None or name in in_planes:
-                # its force does not come from a potential; it is listed with the friction laws
+                # its force is not derived from a potential; it is listed with the friction laws
                 continue
             plus, minus = self._pair(contact.threshold)
             u = self._velocity(contact)
@@ -190,7 +190,7 @@ class Equations:
         force = d.velocity_force(x)
         if force is ex.ZERO:
             return inserted(momentum, accelerations)
-        # What cancels is seen by the canonical form alone.
+        # Only the canonical form shows which terms cancel.
         mass = {y: d.mass[x, y] for y in d.inertial if (x, y) in d.mass}
         pushed = [times(read(ex.to_text(m)), accelerations[f"d_{y}"]) for y, m in mass.items()]
         return sum_of(*pushed, negate(read(ex.to_text(force))))

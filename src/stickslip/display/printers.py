@@ -165,7 +165,7 @@ class UnicodeWriter:
         """Return whether it is the time derivative of a drive."""
         return node.by == ("t",) and node.name in self.drives
 
-    # What differs between the alphabets.
+    # The differences between the alphabets.
 
     def name(self, name: str) -> str:
         if name == "speed":

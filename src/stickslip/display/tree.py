@@ -103,13 +103,13 @@ Factors = tuple[tuple[Node, Node], ...]
 VECTOR, INVERSE = "()", "^-1"  # calls that no formula of a declaration can contain
 NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
 _MINUS_ONE = Number(Fraction(-1))
-_MAX_EXPONENT = 8  # powers of numbers above this stay as they are written
+_MAX_EXPONENT = 8  # larger powers of numbers are not evaluated
 
 
 def sum_of(*nodes: Node) -> Node:
     """Sum; equal terms are collected at the place of the first."""
-    # Each group of equal terms: the powers they share, in the first one's order, and their total
-    # factor.
+    # For each group of equal terms: the powers they share, in the order of the first, and their
+    # total factor.
     groups: dict[frozenset[tuple[Node, Node]], tuple[Fraction, Factors]] = {}
     for factor, powers in (coefficient_and_rest(term) for node in nodes for term in _terms(node)):
         if factor == 0:

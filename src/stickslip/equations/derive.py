@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     pass
 
 _KINDS = tuple(Kind)
-_NO_FORCE = 1e-300  # beside every threshold
+_NO_FORCE = 1e-300  # force that is negligible compared with any threshold
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +313,7 @@ def _formulas_of_contacts(
     used = [e for e in d.mass.values() if not e.symbols <= held]
     for c in contacts:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
-        # The law at rest says whether sliding forces are admissible.
+        # The law at zero speed determines whether sliding forces are admissible.
         at_rest = {f"speed:{i}": ex.ZERO for i in range(len(contacts))}
         forces = (c.kinetic_plus, c.kinetic_minus)
         used += [ex.substitute(force, at_rest, undefined=True) for force in forces]

@@ -20,7 +20,7 @@ from stickslip.numerics.levels import COMPUTED_ZERO
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_INDEPENDENT = 1e-7  # part of a column that is none of the others
+_INDEPENDENT = 1e-7  # relative remainder of a column that is independent of the others
 
 
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
@@ -184,7 +184,7 @@ class _Solver:
         right = [self.fix(f) for f in forces]
         pull = {i: list(J[i]) for i in asked}
         for i, force in given.items():
-            # Friction under a normal force that is unknown pulls along with it.
+            # Friction under an unknown normal force acts together with it.
             rest = ex.substitute(force, {f"lambda:{n}": ex.ZERO for n in asked})
             right = [f + j * rest for f, j in zip(right, J[i], strict=True)]
             for n in asked:
@@ -252,7 +252,7 @@ class _Solver:
         struck = [i for i in inertial if eq.contacts[i].opens and self.mode[i] == 0]
         rubbing = [i for i in inertial if set(eq.pressing(i)) & set(struck)]
         held = [*struck, *(i for i in rubbing if self.mode[i] == 0)]
-        # J Δq̇ = −(1 + e) γ⁻ for what takes part, Λ = ∓μ Λ_N for what slips.
+        # J Δq̇ = −(1 + e) γ⁻ for contacts that take part, Λ = ∓μ Λ_N for those that slip.
         asked = {}
         for i in held:
             e = ex.ZERO if i in settled else self.fix(eq.contacts[i].restitution)
@@ -313,7 +313,7 @@ class _Solver:
         c = self.eq.contacts[i]
         if c.opens:
             return ex.ZERO
-        # Carried by others, or turned back by an impact, a contact is at its threshold.
+        # A contact that is carried by others, or reversed by an impact, is at its threshold.
         carried = abs(self.mode[i]) == 2
         plus, minus = (c.plus, c.minus) if carried else (c.kinetic_plus, c.kinetic_minus)
         return -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)

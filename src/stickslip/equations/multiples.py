@@ -77,7 +77,7 @@ def _is_floor_of(c: DryContact, other: DryContact) -> bool:
     if c.restitution is not other.restitution or _gap(other).symbols != _gap(c).symbols:
         return False
     if c.plus is not ex.ZERO or other.plus is not ex.ZERO:
-        return False  # each adheres for itself
+        return False  # each has separate adhesion
     ratio = _simplest(_gap(c), _gap(other))
     return ratio.op == "num" and ex.number(ratio) > 0.0
 

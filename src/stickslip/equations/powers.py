@@ -7,7 +7,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_MORE = 3  # degree of what is neither constant, nor affine, nor quadratic
+_MORE = 3  # degree of terms that are neither constant, nor affine, nor quadratic
 
 
 def are_powers_quadratic(equations: MotionEquations) -> bool:

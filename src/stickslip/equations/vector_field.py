@@ -20,7 +20,7 @@ from stickslip.model.system import System
 from stickslip.symbolic.expressions import Expr, substitute, to_text
 
 Values = Mapping[str, float]
-_LONGEST = 1_000_000  # characters of a formula
+_LONGEST = 1_000_000  # largest number of characters of a formula
 _SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
 
 

@@ -115,7 +115,7 @@ def _start(system: System | str | None) -> tuple[str, str]:
         if (evolution := _evolution(name)) is not None:
             return "", f"{FIRST_MODEL}?.panel=friction&evolution={packed_text(evolution)}"
         return load(name).to_toml(), GIVEN + (f"?{rest}" if rest else "")
-    return "", catalogue.get(name).name  # says what is wrong
+    return "", catalogue.get(name).name  # raises an error that lists the names
 
 
 def named_system(text: str) -> System:

@@ -25,7 +25,7 @@ CERTIFY = "certificate.measured"
 CERTIFICATE_OK = "certificate.ok"
 CERTIFICATE_RESIDUAL = "certificate.residual"
 AT_START = "start."
-NO_MODE_KNOWN = -9  # of a motion that has no start
+NO_MODE_KNOWN = -9  # mode of a motion that cannot start
 _OF_ONE_STEP = ("dissipated_energy", "supplied_energy")
 
 Role = Literal["parameter", "start", "input", "output", "mode"]
@@ -192,7 +192,7 @@ def _symbols_of(part: Any) -> set[str]:
     if isinstance(part, Expr):
         return set(part.symbols)
     if isinstance(part, Declaration):
-        # Not facts, conditions and drives by themselves, which change no motion.
+        # Facts, conditions and drives alone are excluded: they do not change the motion.
         of_motion = (
             "mass damping kinetic potential dissipation forces drags laws contacts jumps outputs"
         )
@@ -224,7 +224,7 @@ def _start_said(system: System, name: str) -> tuple[str, str]:
 def _input_said(system: System, name: str) -> tuple[str, str]:
     if name in system.parameters:
         return _said(quantity(system, name))
-    formula = system.declaration.drives.get(name)  # none of samples
+    formula = system.declaration.drives.get(name)  # None for samples
     return "" if formula is None else formula_unit(system, formula), f"drive {name}"
 
 

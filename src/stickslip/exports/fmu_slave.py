@@ -45,9 +45,9 @@ from stickslip.motion.trajectory import Trajectory
 from stickslip.numerics.levels import LEAST_RTOL, MOMENT
 
 _RTOL = 1e-10
-_STEPS = 500  # of the default experiment
+_STEPS = 500  # number of steps of the default experiment
 _OUTPUTS = ("output", "mode")
-_ROUNDING = 1e-9  # of a time, that importers add up
+_ROUNDING = 1e-9  # relative rounding error of times that importers sum
 _CAUSALITY = {
     "parameter": (Fmi2Causality.parameter, Fmi2Variability.fixed, Fmi2Initial.exact),
     "start": (Fmi2Causality.parameter, Fmi2Variability.fixed, Fmi2Initial.exact),
@@ -80,9 +80,9 @@ class SystemFmu(Fmi2Slave):
         self._given: dict[str, float] = {}  # parameters, starts and inputs that were set
         self._measures: bool = True
         self._stepper: Stepper | None = None
-        self._phase: str = "before"  # its initialization ends, then "running", "over"
+        self._phase: str = "before"  # "running" after the initialization, then "over"
         self._fault: StickslipError | None = None
-        self._motion: Trajectory | None = None  # of the last step
+        self._motion: Trajectory | None = None  # motion of the last step
         self._shown: dict[str, Any] = {}
         self._certified: bool = True
         self._residual: float = 0.0
@@ -226,7 +226,7 @@ class SystemFmu(Fmi2Slave):
                     rtol=self._rtol,
                 )
             except StickslipError as error:
-                if self._phase == "before":  # it may be put right
+                if self._phase == "before":  # the error can be corrected
                     return None
                 self._refuse(error)
         return self._stepper

@@ -24,7 +24,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_LONGEST = 200_000  # characters of a formula
+_LONGEST = 200_000  # largest number of characters of a formula
 _OPERATIONS = {
     "sqrt": "def sqrt(x):\n    return np.sqrt(x)",
     "sign": "def sign(x):\n    return np.sign(x)",

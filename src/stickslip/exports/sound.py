@@ -12,9 +12,9 @@ from stickslip.exports.tables import even_times, write_file
 from stickslip.motion.trajectory import Trajectory
 from stickslip.numerics.levels import COMPUTED_ZERO
 
-_LOUDEST = 0.9  # of full scale: players that resample overshoot
+_LOUDEST = 0.9  # fraction of full scale: resampling in players overshoots
 _FULL_SCALE = 2**15 - 1
-_HIGHEST_RATE = 768_000  # samples a second
+_HIGHEST_RATE = 768_000  # samples per second
 
 
 def sound_of(motion: Trajectory, quantity: str, rate: int, seconds: float) -> Array:

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from stickslip.orbits.studies.backbone import Backbone
 
 _WIDTH = 6.4  # inches
-_HEIGHT = 2.7  # of a panel
+_HEIGHT = 2.7  # inches of a panel
 _EXTRA = 0.7
-_WIDE = 30.0  # ratio of damping ratios from which on their axis is logarithmic
-_DECADES = 2.5  # of amplitudes, up to which numbers between powers of ten are labelled
-_NOTHING = 1e-9  # of the largest damping, or 1: what is rounding of none
+_WIDE = 30.0  # ratio of damping ratios above which their axis is logarithmic
+_DECADES = 2.5  # decades of amplitudes up to which numbers between powers of ten are labelled
+_NOTHING = 1e-9  # relative to the largest damping, or 1: smaller values are rounding errors
 _SYMBOLS = {"frequency": "$\\omega$", "damping": "$D$"}
 
 

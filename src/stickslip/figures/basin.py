@@ -36,7 +36,7 @@ from stickslip.sweeps.basin import ON_ITS_WAY, ON_NONE, PARTING, SLOWLY
 if TYPE_CHECKING:
     import xarray
 
-_OPAQUE = 0.7  # large areas in full colour would shout
+_OPAQUE = 0.7  # large areas in full colour would dominate
 _UNSETTLED = {
     ON_ITS_WAY: Outcome.NOT_SETTLED,
     PARTING: Outcome.IRREGULAR,

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
 _PHASES = 128
-_FEW = 4  # components with a line of their own; of more a map is drawn
+_FEW = 4  # number of components up to which each has a line; for more a map is drawn
 _PLANE = 4.4  # inches
 _COSTS = 4.8  # inches
 _HEIGHT = 4.8  # inches

@@ -25,11 +25,11 @@ from stickslip.model.entries.units import unit_label
 if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue
 
-_MANY = 400  # events that are drawn with stems
-_PAD = 0.06  # of a logarithmic axis beyond the values
-_ENOUGH = 30  # events, or times between them, that are compared with a law
-_BIN = 0.1  # of magnitudes
-_MAGNITUDE = 2.0 / 3.0  # of the logarithm of a size
+_MANY = 400  # number of events up to which they are drawn with stems
+_PAD = 0.06  # margin of a logarithmic axis, as a fraction of the range
+_ENOUGH = 30  # smallest number of events, or times between them, that are compared with a law
+_BIN = 0.1  # width of a bin of magnitudes
+_MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the size
 
 
 def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:
@@ -154,7 +154,7 @@ def _decades(values: Array) -> tuple[float, float]:
     if not len(some):
         return 0.1, 10.0
     low, high = np.log10(some.min()), np.log10(some.max())
-    if high - low < 1.0:  # whole decades, or no tick would have a plain number
+    if high - low < 1.0:  # whole decades, since otherwise no tick would have a plain number
         low, high = np.floor(low), np.floor(high) + 1.0
     pad = _PAD * (high - low)
     return float(10 ** (low - pad)), float(10 ** (high + pad))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.averaging_study import AveragingStudy
     from stickslip.rate_independent.evolution.history import History
 
-_FEW = 4  # components with a panel of their own
+_FEW = 4  # number of components up to which each has a panel
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
 _WIDTH = 7.2  # inches

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from stickslip.fitting.points.fit_law import LawFit
 
 _DATA = "#6E6E6E"
-_MOST = 3  # recordings, and columns, that are drawn
+_MOST = 3  # largest number of recordings, and of columns, that are drawn
 _LINE = 2000  # points of a fitted curve
-_MANY = 400  # points of data that are drawn small
+_MANY = 400  # number of data points above which they are drawn small
 
 
 def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.fragility import Fragility
 
-_MOST = 8  # curves that can be told apart
+_MOST = 8  # largest number of curves that can be distinguished
 _FINE = 400
-_BESIDE = 0.006  # part of the width by which dots of other curves are moved, so that all are seen
+# shift of the dots of other curves, as a fraction of the width, so that all are visible
+_BESIDE = 0.006
 
 
 def plot_fragility(found: Fragility, ax: Axes | None = None) -> Figure:

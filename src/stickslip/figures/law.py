@@ -26,10 +26,10 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     from stickslip.model.laws import FrictionLaw
 
-_SHARES = (1.0, 0.5, 0.25)  # of the largest amplitude
-_RATIOS = (100.0, 10.0, 3.0)  # of the rates before and after a step
-_SAMPLES = 401  # of a quarter of a period, and of half a period after it
-_REST = 1e-9  # of the largest speed, beside which a jump at rest is drawn
+_SHARES = (1.0, 0.5, 0.25)  # fractions of the largest amplitude
+_RATIOS = (100.0, 10.0, 3.0)  # ratios of the rates before and after a step
+_SAMPLES = 401  # samples of a quarter of a period, and of half a period after it
+_REST = 1e-9  # fraction of the largest speed at which a jump at rest is drawn
 
 
 def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Figure:

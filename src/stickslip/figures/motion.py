@@ -53,10 +53,12 @@ from stickslip.numerics.ratios import ratio
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
-_INSIDE = 0.3  # opacity of what is between an envelope
-_MARKED = 200  # impacts of a contact
-_CLOSED_FOR = 0.1  # of the time: from there on what can open shows its friction, not its gap
+# fraction of its range over which a quantity varies within a column if its line is a block
+_SWINGS = 0.2
+_INSIDE = 0.3  # opacity inside an envelope
+_MARKED = 200  # largest number of impacts of a contact that are marked
+# fraction of the time in contact above which friction is shown instead of the gap
+_CLOSED_FOR = 0.1
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
 _SQUARE = 3.5  # inches
@@ -140,7 +142,7 @@ class _Overview:
             self.all_stick |= np.isin(mode, (0, IS_CLOSED))
         for mode in modes.values():
             self.all_stick &= np.isin(mode, (0, IS_CLOSED, IS_OPEN))
-        self.whole = self.motion.count <= FEW  # everything is drawn as it is
+        self.whole = self.motion.count <= FEW  # drawn without thinning
         self.t, self.values, self.curves = self.collect()
 
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
@@ -308,7 +310,7 @@ class _Overview:
 
     def trace(self, names: list[str]) -> Callable[[Axes], None]:
         def panel(axes: Axes) -> None:
-            if len(self.contacts) <= MANY_LINES:  # else the map of the modes says it
+            if len(self.contacts) <= MANY_LINES:  # otherwise the map of the modes shows it
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):
@@ -330,7 +332,7 @@ class _Overview:
         """Plot a quantity over time, or its envelope if it oscillates within pixel columns."""
         values = self.values[name]
         if not self.whole:
-            # four values a column
+            # four values per column
             columns = values.reshape(-1, 4)
             low, high = np.min(columns, axis=1), np.max(columns, axis=1)
             if np.median(high - low) > _SWINGS * np.ptp(values):
@@ -355,7 +357,7 @@ class _Overview:
 
         def panel(axes: Axes) -> None:
             rows = np.array([self.values[name] for name in names])
-            # A violent start must not hide the rest: the largest speeds saturate.
+            # Large initial speeds saturate, so that they do not hide the rest.
             largest = float(np.percentile(np.abs(rows), 97)) or float(np.max(np.abs(rows))) or 1.0
             begins = np.searchsorted(
                 self.t, np.linspace(self.t[0], self.t[-1], COLUMNS, endpoint=False)

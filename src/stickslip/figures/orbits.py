@@ -39,14 +39,14 @@ from stickslip.orbits.continuation.branch import without_knots
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
-_LETTERS = 26  # of a label beside a panel, in a line
-_WIDE = 100.0  # ratio of the ends of a logarithmic axis, at least
-_LOW = 0.2  # … of whose largest value the median is at most this part
+_LETTERS = 26  # letters per line of the label of a panel
+_WIDE = 100.0  # smallest ratio of the ends of a logarithmic axis
+_LOW = 0.2  # … and largest ratio of the median to the largest value
 _MARKERS = "osD^vPX*"
 _THIN, _THICK = 1.1, 2.2  # lines of equilibria and of cycles
-_STRIP = 0.06  # of the axes, that is shaded beside a curve
-_SMOOTH = ("fold", "period doubling", "torus")  # the curve goes on without a corner
-_VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
+_STRIP = 0.06  # width of the shaded strip along a curve, as a fraction of the axes
+_SMOOTH = ("fold", "period doubling", "torus")  # special points at which the curve has no corner
+_VANISHING = ("Hopf", "boundary equilibrium")  # special points at which a cycle shrinks to a point
 
 
 def plot_branch(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
 _SAMPLES = 4000
-_MOST_NODES = 40_000  # at which the stable region is looked at
+_MOST_NODES = 40_000  # largest number of nodes at which the stable region is evaluated
 _WIDTH = 7.2  # inches
 _HEIGHT = 3.8  # inches
 

@@ -40,13 +40,14 @@ from stickslip.sweeps.request.records import SCALE, record_axis
 if TYPE_CHECKING:
     import xarray
 
-_MOST = 6  # levels that have lines of their own
-_NAMED = 30  # records that are named beside their values
+_MOST = 6  # largest number of levels with separate lines
+_NAMED = 30  # number of records up to which they are named next to their values
 _FEW, _MANY = 0.45, 0.15  # opacity of a line among few, and among many
-_PARTS = (0.05, 0.16, 0.5, 0.84, 0.95)  # of the records; those without a value are left out
+# quantiles of the records; those without a value are omitted
+_PARTS = (0.05, 0.16, 0.5, 0.84, 0.95)
 _BAND = 0.2  # opacity
-_FAR = 1.6  # times what most lines take, from which on a few leave the picture
-_PAD = 0.1  # of what most lines take, beyond them
+_FAR = 1.6  # ratio to the range of most lines above which a few lines leave the figure
+_PAD = 0.1  # margin as a fraction of the range of most lines
 
 
 def plot_records(

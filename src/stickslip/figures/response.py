@@ -40,21 +40,21 @@ _WIDTH = 6.4  # inches
 _TALL = 3.6
 _LOW = 1.7
 _EXTRA = 0.7
-_SLIPS = 1.6  # width of a line where a contact slips …
-_NEVER_SLIPS = 0.9  # … and where none does
+_SLIPS = 1.6  # width of a line if a contact slips …
+_NEVER_SLIPS = 0.9  # … and if none does
 _BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.9, "ls": (0, (6, 2, 1, 2)), "zorder": 2.5}
 _FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LINE, "mew": 1.2}
 _CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
 _SWEEPS = {"up": "^", "down": "v"}
 _ALIKE = 1e-6  # sweeps that differ by less, relative to the largest response, are the same
-# where the level of a line may stand around its peak: distances (points) and directions, those that
-# are preferred first
+# positions of the label of a line around its peak: distances (points) and directions (degrees),
+# preferred ones first
 _DISTANCES = (3.0, 6.0, 10.0, 15.0, 21.0, 28.0, 36.0, 45.0, 60.0)
 _DIRECTIONS = (45.0, 90.0, 135.0, 15.0, 165.0, 70.0, 110.0, -20.0, 200.0, -45.0, 225.0, -90.0)
 _GRID = np.array(
     [(i, j) for i in np.linspace(-1, 1, 21) for j in np.linspace(-1, 1, 5)]
-)  # of a box
-_APART = 2.0  # points between a label and what it must not touch
+)  # sample points of a box
+_APART = 2.0  # points between a label and other objects
 
 
 def plot_response(
@@ -107,7 +107,7 @@ def plot_response(
             legend_above(panels[0, 0], handles)
         powers_in_labels(figure)
         figure.align_ylabels(panels[:, 0])
-        # Names keep their distance in points, so the layout has to stand.
+        # The distances of names are in points, so the layout has to be final.
         for axes, name in zip(panels[:, 0], shown, strict=True):
             _name_lines(axes, response, name)
     return figure
@@ -137,7 +137,7 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
         axes.plot(point.value, here, linestyle="none", zorder=3, **style)
     _scale(axes, response, name)
     if response.level and f"backbone_{name}" in data:
-        # room for the names of lines
+        # space for the names of lines
         axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
 
 

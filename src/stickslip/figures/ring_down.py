@@ -29,10 +29,10 @@ from stickslip.model.entries.units import unit_label
 if TYPE_CHECKING:
     from stickslip.orbits.studies.ring_down import RingDown
 
-_MANY = 60  # turning points that are drawn as points
-_PAD = 0.06  # of an axis, beyond the values
-_EVEN = 1e-6  # frequencies that differ by less, relative to them, are one
-_DECADES = 10.0  # a range of positive values that wide has a logarithmic axis
+_MANY = 60  # number of turning points up to which they are drawn as points
+_PAD = 0.06  # margin of an axis, as a fraction of its range
+_EVEN = 1e-6  # frequencies that differ by less, relative to them, are regarded as equal
+_DECADES = 10.0  # a range of positive values this wide has a logarithmic axis
 
 
 def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
@@ -100,7 +100,7 @@ def _over_amplitude(axes: Axes, ring_down: RingDown, over: str, name: str) -> No
     if name == "damping" and np.all(value > 0.0) and _wide(value):
         axes.set_yscale("log")
         _powers(axes.yaxis, value)
-    elif np.ptp(value) <= _EVEN * np.max(np.abs(value)):  # rounding errors are no curve
+    elif np.ptp(value) <= _EVEN * np.max(np.abs(value)):  # rounding errors are not a curve
         middle = float(np.mean(value))
         axes.set_ylim(*sorted((0.9 * middle, 1.1 * middle)) if middle else (-1.0, 1.0))
     elif name == "damping" and np.all(value >= 0.0):

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from stickslip.model.entries.samples import Samples
     from stickslip.model.entries.tables import Table
 
-_DOTTED = 200  # up to so many samples are also shown as dots
-_BEYOND = 0.1  # of the range of a table: length of the extrapolation shown on each side
-_LEVELS, _FINE_GRID = 16, 200  # of a surface
-_FINE = 4000  # places between samples at which a curve is drawn
+_DOTTED = 200  # number of samples up to which they are also shown as dots
+_BEYOND = 0.1  # length of the extrapolation on each side, as a fraction of the range of a table
+_LEVELS, _FINE_GRID = 16, 200  # levels and samples per axis of a surface
+_FINE = 4000  # number of points at which a curve is drawn
 
 
 def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:

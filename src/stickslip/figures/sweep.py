@@ -63,9 +63,9 @@ if TYPE_CHECKING:
 
 _WIDTH = 5.2  # inches of a map
 _HEIGHT = 4.2  # inches of a map
-_LETTERS = 9  # of a legend, in an inch
-_MULTIPLES = 6  # maps of a third axis at most; more would be stamps
-_LEVELS = 6  # values of an axis that is too short for a map: a line for each of them
+_LETTERS = 9  # letters of a legend per inch
+_MULTIPLES = 6  # largest number of maps of a third axis
+_LEVELS = 6  # number of values of an axis up to which each has a line instead of a map
 _DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
 _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
     (False, False): "neither",
@@ -73,7 +73,7 @@ _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
     (False, True): "max",
     (True, True): "both",
 }  # whether there are values below the colours, and above them
-# of points without a value, by reason
+# colours of points without a value, by reason
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 _MARKS = {Outcome.IRREGULAR: "X", Outcome.SLOW: "v", Outcome.NOT_SETTLED: "s"}  # on lines
 _OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY)
@@ -381,7 +381,7 @@ def draw_map(
             beyond = _EXTEND[bool(least < scale.low), bool(most > scale.high)]
             axes.figure.colorbar(mesh, ax=axes, label=measure_label(data, name), extend=beyond)
     for hatch, here in doubtful(data, name).items():
-        if name != "outcome" or hatch == UNCERTAIN:  # else colours say it
+        if name != "outcome" or hatch == UNCERTAIN:  # otherwise the colours show it
             hatch_cells(axes, edges, here[turned], hatch)
     _frame(axes, data, first, second)
 

@@ -36,13 +36,15 @@ if TYPE_CHECKING:
     from stickslip.fitting.fit import Fit
     from stickslip.model.system import System
 
-_BESIDE = 0.1  # standard deviations by which parameters are moved to locate special points again
-_AROUND = 0.02  # part of the range in which a special point is looked for again, at first
-_APART = (0.03, 0.01, 0.1, 0.003, 1e-4)  # … and from where on the branch that is begun
+# standard deviations by which parameters are moved when special points are located again
+_BESIDE = 0.1
+_AROUND = 0.02  # initial fraction of the range in which a special point is searched for …
+# … and distances from it on the branch at which the search starts
+_APART = (0.03, 0.01, 0.1, 0.003, 1e-4)
 _WIDER = 4.0
 _TRIES = 3
-_NEGLIGIBLE = 1e-12  # part of the largest variance below which a principal axis is left out
-_SAME_PERIOD = 1e-6  # relative difference of periods of one cycle
+_NEGLIGIBLE = 1e-12  # variance relative to the largest below which a principal axis is omitted
+_SAME_PERIOD = 1e-6  # relative difference of periods of the same cycle
 
 
 @dataclass(frozen=True, eq=False, repr=False)

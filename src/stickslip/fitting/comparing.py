@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.unknowns import FreeRange
 
 _DECIDED = 0.95
-_LOOSE = 0.5  # part of its value by which a standard error makes a profile worth looking at
+_LOOSE = 0.5  # relative standard error above which a profile is computed
 Free = Mapping[str, "FreeRange"] | Iterable[str]
 
 

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from stickslip.fitting.measured import Noise
 
 _NEAR_MINIMUM = 1e-2  # standard errors
-_AT_BOUND = 1e-6  # part of a bound within which an unknown is at it
+_AT_BOUND = 1e-6  # relative distance from a bound within which an unknown is at it
 _UNLIKELY = 1e-3
-_SAME = 1e-6  # relative difference of costs of one minimum
-_NO_COST = 1e-12  # absolute: costs below it are those of data without errors, and the same
+_SAME = 1e-6  # relative difference of costs of the same minimum
+_NO_COST = 1e-12  # absolute: smaller costs occur with data without errors, and count as equal
 
 
 @validated

@@ -22,8 +22,9 @@ from stickslip.orbits.sensitivities.motion import Sensitivity, at_events, sensit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_LONGEST = 100  # pieces of a motion (4096 steps each) after which it is given up
-_LATER = 1.25  # part of the time of the last event up to which later ones of a motion are awaited
+_LONGEST = 100  # pieces of a motion (4096 steps each) after which it is abandoned
+# multiple of the time of the last event up to which later events of a motion are awaited
+_LATER = 1.25
 Noise = float | str
 
 

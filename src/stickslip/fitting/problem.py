@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 RTOL = 1e-9
-_SQUARED = 1e150  # residuals whose squares can be added up
-_LEAST = 4  # rows of a part of a recording
+_SQUARED = 1e150  # largest residual whose square can be summed
+_LEAST = 4  # smallest number of rows of a part of a recording
 
 
 class NoDerivative(StickslipError, RuntimeError):
@@ -42,7 +42,7 @@ def _huber(z: Array) -> tuple[Array, Array]:
     return np.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
 
 
-# ρ(z) and ρ′(z) of z = r², as SciPy has them.
+# ρ(z) and ρ′(z) of z = r², as in SciPy.
 LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
     "linear": lambda z: (z, np.ones_like(z)),
     "soft_l1": lambda z: (2.0 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)),
@@ -532,7 +532,7 @@ def table_columns(recording: Recording, r: int) -> dict[str, Any]:
         try:
             values = recording.column(name)
         except ValueError:
-            continue  # words are nothing that was compared
+            continue  # text was not compared
         found[f"table{suffix_of(r)}: {name}"] = (f"table_row{suffix_of(r)}", values)
     return found
 

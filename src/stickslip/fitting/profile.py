@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
     from stickslip.fitting.fit import Fit
 
-_STEP = 0.5  # standard errors of a step
-_FASTER = 1.3  # growth of the steps
-_STEPS = 24  # on a side
-_BEYOND = 1.3  # times the limit up to which it is followed
-_WHOLE = 0.25  # first step where nobody knows how well an unknown is determined, in its size
-_NO_MOVE = 1e-9  # part of a value by which a step towards a bound has to change it
+_STEP = 0.5  # initial step in standard errors
+_FASTER = 1.3  # growth factor of the steps
+_STEPS = 24  # largest number of steps on a side
+_BEYOND = 1.3  # multiple of the limit up to which the profile is continued
+_WHOLE = 0.25  # first step relative to an unknown whose standard error is not known
+_NO_MOVE = 1e-9  # relative step towards a bound that counts as a change
 
 
 class Profiled(NamedTuple):
@@ -75,7 +75,7 @@ def _limit(fit: Fit) -> float:
 
     if not fit.problem.estimated:
         return float(chi2.ppf(0.95, 1))
-    # Of n data with noise of unknown size, n log(1 + t²/ν) for the quantile t of Student's law.
+    # For n data with noise of unknown size, n log(1 + t²/ν) for the quantile t of Student's law.
     nu = max(fit.statistics.freedom, 1)
     n = fit.statistics.weight * (nu + len(fit.names))
     return n * math.log1p(fit.statistics.quantile**2 / max(fit.statistics.weight * nu, 1.0))
@@ -106,7 +106,7 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
         likelihood = problem.log_likelihood(p)
         rise = 2.0 * (best - likelihood) * fit.statistics.weight
         if not math.isfinite(rise):
-            # Beyond a wall there is no motion: it bounds the unknown.
+            # No motion exists beyond this value: it bounds the unknown.
             found.append(Profiled(value, math.inf, p))
             break
         found.append(Profiled(value, rise, p))

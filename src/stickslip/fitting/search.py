@@ -25,17 +25,19 @@ from stickslip.numerics.levels import SAME_VALUE
 from stickslip.numerics.ratios import ratio
 
 _SHARES = (0.125, 0.25, 0.5)
-_ROWS = 16  # that a part of a recording has at least
-_DRAWN = 1.0  # how much a part of a recording is drawn to its start, across its box
-_ROUGH = 0.1  # of the spread of a column, from which on differences count as outliers in a part
+_ROWS = 16  # smallest number of rows of a part of a recording
+# weight of the distance from the start, in widths of the box, for a part of a recording
+_DRAWN = 1.0
+# fraction of the spread of a column above which differences count as outliers in a part
+_ROUGH = 0.1
 _TOLERANCE = 1e-13
-_ROUNDS = 12  # of estimates of the noise
-_BESIDE = 1e-7  # relative change to where a motion has a derivative
+_ROUNDS = 12  # largest number of estimates of the noise
+_BESIDE = 1e-7  # relative change of parameters to a point at which a motion has a derivative
 _IRRATIONAL = (math.sqrt(5.0) - 1.0) / 2.0
 _TRIES = 3
-_NOTHING = 1e-13  # part of its size by which a residual changes that does not depend on an unknown
-_SETTLED = 1e-4  # relative change of estimated errors after which they are known
-_OF_STARTS = 1e-4  # tolerance of starts, of which the best are improved
+_NOTHING = 1e-13  # relative change of a residual below which it does not depend on an unknown
+_SETTLED = 1e-4  # relative change of estimated errors at which the iteration ends
+_OF_STARTS = 1e-4  # tolerance of the starts, the best of which are improved
 _DIFFERENCE = 1e-4  # relative step of differences, before Richardson's extrapolation
 
 
@@ -246,7 +248,7 @@ def _descend(problem: FitProblem, p: Array, rough: bool = False) -> Minimum:
     """The minimum reached from a start."""
     from scipy.optimize import least_squares as untyped
 
-    least_squares: Any = untyped  # its types say nothing of a function as Jacobian
+    least_squares: Any = untyped  # its type hints do not allow a function as Jacobian
     reason = problem.reason(p)
     if reason:
         return Minimum(p, math.inf, reason)

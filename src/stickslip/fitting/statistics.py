@@ -25,10 +25,10 @@ from stickslip.fitting.problem import LOSSES, FitProblem
 from stickslip.fitting.search import jacobian_near
 
 LEVEL = 0.95
-_SIGNIFICANT = 3.0  # standard deviations of a correlation
-_SINGULAR = 1e-8  # of the largest singular value, below which a direction is not determined
-_TAKES_PART = 0.1  # of a direction that is not determined, from which on an unknown is named
-_FEW = 8  # data of which nobody says how they are distributed
+_SIGNIFICANT = 3.0  # number of standard deviations of a significant correlation
+_SINGULAR = 1e-8  # relative to the largest singular value: with less a direction is not determined
+_TAKES_PART = 0.1  # component of an undetermined direction above which an unknown is named
+_FEW = 8  # smallest number of data for the tests of their distribution
 _DIFFERENCE = 1e-5  # step of a central difference, in standard deviations: about the cube root of ε
 
 
@@ -100,7 +100,7 @@ def statistics_of(problem: FitProblem, p: Array) -> Statistics:
     covariance[lost] = 0.0
     covariance[:, lost] = 0.0
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    # Newton's step, beside what the data say at all.
+    # Newton's step relative to the standard error.
     newton = inverse @ (J.T @ psi) / gain
     size = np.sqrt(np.diag(inverse) * max(variance, problem.rtol**2))
     step = float(np.max(np.abs(np.where(lost, 0.0, newton)) / np.where(size > 0.0, size, 1.0)))

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from stickslip.fitting.recording import Recording
 
 FreeRange = tuple[float, float] | None
-_WIDE = 10.0  # ratio of positive bounds from which on a logarithm is searched
-_AROUND = 10.0  # factor in which starts are spread where there are no bounds
+_WIDE = 10.0  # ratio of positive bounds above which the search uses the logarithm
+_AROUND = 10.0  # factor over which starts are spread if there are no bounds
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def _box(low: float, high: float, value: float, size: float) -> tuple[float, flo
         below, above = value / _AROUND, value * _AROUND
     else:
         below, above = value - 2.0 * size, value + 2.0 * size
-    # A lower bound of zero is no information on the size of a positive parameter.
+    # A lower bound of zero does not bound the size of a positive parameter.
     least = low if math.isfinite(low) and not (low == 0.0 and value > 0.0) else below
     return least, high if math.isfinite(high) else above
 

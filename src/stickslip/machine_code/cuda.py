@@ -20,8 +20,8 @@ from stickslip.machine_code.ptx import CAPABILITY, ptx_of
 from stickslip.machine_code.store import cache_folder, keep, stored
 
 _DRIVER = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
-_THREADS = 64  # of a block
-_LOG = 8192  # characters of what the assembler says
+_THREADS = 64  # threads of a block
+_LOG = 8192  # largest number of characters of the assembler's log
 _PTX, _LOG_PLACE, _LOG_SIZE = 1, 5, 6  # a kind of code, and options of its assembler
 _MAJOR, _MINOR = 75, 76  # attributes of a GPU
 _NO_MEMORY, _NO_DEVICE = 2, 100  # errors

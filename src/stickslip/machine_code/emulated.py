@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import Entry
 
 _FREE = 2**30  # bytes
-_GARBAGE = 0xFF  # a byte of memory that nobody has written to: no numbers
+_GARBAGE = 0xFF  # a byte of uninitialized memory: not a number
 
 
 class Emulated:

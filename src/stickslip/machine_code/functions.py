@@ -27,7 +27,7 @@ class Entry(Compiled):
 
     def __call__(self, *arguments: Any) -> Any:
         if AS_PYTHON:
-            with np.errstate(all="ignore"):  # compiled code goes on without a word, too
+            with np.errstate(all="ignore"):  # compiled code does not warn, either
                 return self.python(*arguments)
         return self.prepared(*arguments)
 

@@ -1,6 +1,6 @@
 """The functions of a system, as the engine calls them."""
 
-# Annotations are what they name, not text: nothing is evaluated to read a signature.
+# Annotations are objects, not text: nothing is evaluated to read a signature.
 
 from functools import cache
 from typing import Any

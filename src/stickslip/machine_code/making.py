@@ -14,7 +14,7 @@ from stickslip.machine_code.objects import LOOPS, Processor, emitted, module_of
 from stickslip.machine_code.store import keep, stored
 from stickslip.progress import PATIENCE, watched
 
-_FEW = 200_000  # characters for which another process is not worth its start
+_FEW = 200_000  # number of characters below which another process does not pay
 
 
 class Compilation(NamedTuple):
@@ -77,7 +77,7 @@ def make_all(jobs: list[Compilation], what: str) -> list[bytes]:
     finally:
         if helper is not None:
             helper.terminate()
-    # what the other process could not keep is made here
+    # modules that the other process could not store are compiled here
     return [code or jobs[i].done() or make_one(jobs[i]) for i, code in enumerate(codes)]
 
 

@@ -22,14 +22,14 @@ from stickslip.kept import cached_property
 from stickslip.machine_code.store import cache_folder, keep, stored
 
 # Optimisation levels of LLVM's code generation. Code with loops is optimised before. Code without
-# loops, as of a system, runs no faster for it, and if it is long any level but 0 takes longer to
-# compile than most motions to compute.
+# loops, as in a system, is not faster with it, and if it is long, any level but 0 takes longer to
+# compile than most motions take to compute.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
-_LONG = 400_000  # characters of code without loops, not counting tables
+_LONG = 400_000  # number of characters of long code without loops, not counting tables
 # For many systems that each move briefly: level 0 compiles in a fifth of the time, and motions take
 # a sixth longer. The bits are the same, because LLVM does not reorder arithmetic.
 QUICK = bool(os.environ.get("STICKSLIP_QUICK_COMPILE"))
-# What compiled functions may call of C's mathematical library.
+# Functions of C's mathematical library that compiled functions may call.
 MATHEMATICS: Sequence[str] = (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp2 expm1 floor fma "
     "fmod frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
@@ -84,9 +84,10 @@ class Provider:
         return self._make()
 
 
-_kept: WeakValueDictionary[tuple[str, int], Code] = WeakValueDictionary()  # by assembly and effort
-_recent: deque[Code] = deque(maxlen=32)  # for systems that are declared again and again
-_permanent: dict[str, Code] = {}  # code that is called by address, so that nothing refers to it
+# key: assembly and effort
+_kept: WeakValueDictionary[tuple[str, int], Code] = WeakValueDictionary()
+_recent: deque[Code] = deque(maxlen=32)  # keeps systems that are declared repeatedly
+_permanent: dict[str, Code] = {}  # code that is called by address, without a reference to it
 _provided: dict[str, Provider] = {}
 
 
@@ -128,7 +129,7 @@ def digest(*facts: Any) -> str:
 
 def machine(here: Processor, effort: int = STRAIGHT) -> Any:
     """LLVM's description of a processor."""
-    processor()  # which makes LLVM know this machine
+    processor()  # initializes LLVM for this machine
     return llvm.Target.from_triple(here.triple).create_target_machine(
         cpu=here.name, features=here.features, opt=effort, jit=True
     )
@@ -256,10 +257,10 @@ def find_functions(names: Sequence[str]) -> None:
     """Tell LLVM the addresses of functions of C's mathematical library and of Python that it does
     not find itself."""
     for name in names:
-        # A function that is provided anew may have another address than the one LLVM knows.
+        # A function that is provided again may have another address than the one stored in LLVM.
         known = name not in _provided and llvm.address_of_symbol(name) is not None
         if not (name.startswith("llvm.") or known):
-            with suppress(AttributeError):  # LLVM says what is missing, if it is called at all
+            with suppress(AttributeError):  # LLVM reports missing functions when they are called
                 llvm.add_symbol(name, address_of(name))
 
 

@@ -36,16 +36,17 @@ from stickslip.machine_code.shelf import (
 )
 from stickslip.machine_code.store import cache_folder, keep, stored
 
-# The oldest GPUs whose threads go their own ways (since 2017); all later ones take the same code.
+# The oldest GPUs with independent thread scheduling (since 2017); all later ones accept the same
+# code.
 _OLDEST, _FEATURES = "sm_70", "+ptx60"
 CAPABILITY = 7, 0
 """What a GPU has to be capable of, as NVIDIA counts it."""
 _FILE = Path("nvvm", "libdevice", "libdevice.10.bc")
-# Functions that LLVM has for a processor, and not for a GPU.
+# Functions that LLVM provides for a processor, but not for a GPU.
 _MISSING = "cos exp exp2 log log10 log2 pow sin tan".split()
 _NAMES = re.compile(rf"@(?:({'|'.join(MATHEMATICS)})|llvm\.({'|'.join(_MISSING)})\.f64)\(")
-# Code is kept short: threads of a GPU wait for memory, not for jumps, and its assembler takes long.
-# LLVM takes eleven times this number for a GPU.
+# Code is kept short: threads of a GPU wait for memory, not for jumps, and its assembler is slow.
+# LLVM uses eleven times this number for a GPU.
 _INLINED = 20
 
 
@@ -135,7 +136,7 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
         reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
         raise DeclarationError("device", reason, 'Use device="cpu"')
     names = {entry.__name__ for entry in entries}
-    # LLVM makes names that PTX can have of those which are known inside alone.
+    # LLVM converts internal names to names that PTX accepts.
     for part in (*module.functions, *module.global_variables):
         if not part.is_declaration and part.name not in names:
             part.linkage = "internal"
@@ -148,7 +149,7 @@ def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
 def _module(assembly: str) -> Any:
     """A module whose mathematical functions are NVIDIA's."""
     lines = _NAMES.sub(lambda name: f"@__nv_{name[1] or name[2]}(", assembly).splitlines()
-    # what LLVM and C call by two names has one now
+    # functions with different names in LLVM and C have the same name here
     declared = {x.partition("(")[0]: x for x in lines if x.startswith("declare ")}
     rest = [x for x in lines if not x.startswith("declare ")]
     return module_of("\n".join([*declared.values(), *rest]), _target(), STRAIGHT)

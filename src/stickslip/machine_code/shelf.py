@@ -229,7 +229,7 @@ def _is_readable() -> bool:
         return False
 
 
-_VERSION = "llvm"  # name of the file that says which version wrote the bitcode
+_VERSION = "llvm"  # name of the file with the version that wrote the bitcode
 
 
 # -- making ----------------------------------------------------------------------------------------
@@ -247,7 +247,7 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
     for tell in listeners:
         tell()
     with alone(folder / library.name):
-        # by now another process may have made it
+        # another process may have made it in the meantime
         codes = None if ship else _listed(library, folder, digest(sources, here), ".o", False)
         if codes is not None:
             return codes

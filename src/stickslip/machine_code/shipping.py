@@ -30,7 +30,7 @@ def ship(levels: Sequence[str]) -> None:
             shelf.make(library, place, here, ship=True)
         shelf.clean(place, here)
         for path in place.iterdir():
-            path.chmod(0o644)  # whoever uses the package reads them
+            path.chmod(0o644)  # readable for all users of the package
 
 
 def is_complete(level: str) -> bool:

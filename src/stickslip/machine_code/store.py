@@ -27,12 +27,12 @@ from platformdirs import user_cache_path
 
 CODE_FORMAT = b"stickslip code 1\n"
 _DIGEST = 32  # bytes
-_LARGEST = 2**28  # bytes of a file
-# What a folder may hold of these files; those that were read last stay.
+_LARGEST = 2**28  # largest number of bytes of a file
+# Limits of these files in a folder; the most recently read ones are kept.
 _MOST_FILES, _MOST_BYTES = 2000, 2**29
 _CODE = (".o", ".bc", ".list", ".ptx", ".cubin")
-_PASSING = "stickslip-"  # how names of locks and of unfinished files begin
-_PATIENCE = 600  # seconds, for a lock
+_PASSING = "stickslip-"  # prefix of the names of locks and of unfinished files
+_PATIENCE = 600  # seconds to wait for a lock
 _HOUR, _DAY = 3600, 86400
 _POSIX = os.name == "posix"
 _LOCK = RLock()
@@ -61,7 +61,7 @@ def _folder(given: str | None) -> Path:
         folder = folder.expanduser().absolute()
         _claim(folder)
         return folder
-    except (OSError, RuntimeError) as error:  # RuntimeError: no home is known
+    except (OSError, RuntimeError) as error:  # RuntimeError: the home folder is not known
         why = getattr(error, "strerror", None) or error
         print(
             f"stickslip: machine code cannot be stored in {folder}: {why}. A temporary folder is "
@@ -72,7 +72,7 @@ def _folder(given: str | None) -> Path:
     try:
         private = tempfile.mkdtemp(prefix="stickslip-")
     except OSError:
-        return Path(os.devnull)  # nothing can be kept in it, nor found
+        return Path(os.devnull)  # it can neither store nor provide files
     atexit.register(_discard, private, os.getpid())
     return Path(private)
 
@@ -86,11 +86,11 @@ def _claim(folder: Path) -> None:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             status, me = os.fstat(handle), os.geteuid()
-            if status.st_uid != me or os.lstat(folder).st_uid not in (me, 0):  # lstat: of a link
+            if status.st_uid != me or os.lstat(folder).st_uid not in (me, 0):  # lstat: the link
                 raise OSError("it belongs to another user")
             if status.st_mode & 0o077:
                 os.fchmod(handle, stat.S_IMODE(status.st_mode) & ~0o077)
-            if os.fstat(handle).st_mode & 0o022:  # some file systems have no modes
+            if os.fstat(handle).st_mode & 0o022:  # some file systems do not support modes
                 raise OSError("others can write to it")
         finally:
             os.close(handle)
@@ -121,7 +121,7 @@ def stored(path: Path, key: str, *, trusted: bool = False) -> bytes | None:
         if found != _head(key, code) + code:
             return None
         if not trusted and abs(time.time() - status.st_mtime) > _DAY:
-            with suppress(OSError):  # when it was last used; access times are often not kept
+            with suppress(OSError):  # time of the last use; access times are often not recorded
                 os.utime(handle if os.utime in os.supports_fd else path)
         return code
     except OSError:

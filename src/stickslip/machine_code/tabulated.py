@@ -235,7 +235,7 @@ def _value(name: str, side: str, factors: Sequence[float], table: Any, breaks: s
         "  %k = extractvalue { i64, double } %found, 0",
         "  %u = extractvalue { i64, double } %found, 1",
         f"  %row = mul i64 %k, {width}",
-        # what is not a number stays none, whatever the order
+        # NaN is propagated, whatever the order
         "  %nothing = fmul double %u, 0.0",
     ]
     total = "%nothing"

@@ -32,11 +32,10 @@ from stickslip.translator.values import (
     Type,
 )
 
-# What a step of the walk is. Its code stands first; then for a function its class; for an array its
-# class, the number of its type, the number of its axes; for a tuple its class and how many parts it
-# has.
+# Steps of the walk. The code comes first; then for a function its class; for an array its class,
+# the number of its type, the number of its axes; for a tuple its class and its length.
 _REAL, _WHOLE, _TRUTH, _TUPLE, _ARRAY, _FUNCTION = range(6)
-_FLAGS = 0x501  # of an array: in C order, aligned, may be written to
+_FLAGS = 0x501  # flags of an array: in C order, aligned, writable
 _RESULTS: dict[Any, Any] = {
     NONE: None,
     INT: ctypes.c_int64,
@@ -286,7 +285,7 @@ def by_python(type_: Type, arguments: tuple[Any, ...]) -> Any:
             away = isinstance(value, Elsewhere)
             made.extend([value.address if away else value.ctypes.data, *value.shape])
         elif kind == FLOAT:
-            # `struct` takes whatever is a number, and no text
+            # `struct` accepts any number, and no text
             made.extend(struct.unpack("q", struct.pack("d", value)))
         else:
             if isinstance(kind, FunctionType) and not isinstance(value, kind.kind):

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from stickslip.model.reading import DeclarationReader
 
 _REMEDY = "A threshold must not be negative; write max(..., 0) around its formula"
-_VELOCITIES = ("v1", "v2", "v3")  # as a dissipation names them
+_VELOCITIES = ("v1", "v2", "v3")  # names of the velocities in a dissipation
 _NUMBERS = {2: "two", 3: "three"}
 
 
@@ -184,8 +184,8 @@ class _Contacts:
         others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
         if any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others):
             return  # both sides of a constraint
-        # If all terms of the gap are small the largest coordinate sets the scale, so that rounding
-        # errors of the state are no overlap.
+        # If all terms of the gap are small, the largest coordinate sets the scale, so that rounding
+        # errors of the state are not regarded as an overlap.
         most = max(abs(self.reader.start[q]) for q in self.result.inertial)
         size = max(size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST)
         if here < -BODIES_OVERLAP * size:

@@ -23,8 +23,10 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 Unit = tuple[tuple[str, Fraction], ...]
 _NUMBER: Unit = ()
-_AS_FRACTION = 1e-12  # relative: a number given with all digits that is a fraction of small ones
-_NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)  # of coefficients that hide no unit
+# relative error of a number with all digits that is regarded as a fraction of small integers
+_AS_FRACTION = 1e-12
+# largest numerator, and denominators, of coefficients without a hidden unit
+_NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)
 
 
 def disagreements(system: System) -> list[str]:
@@ -86,7 +88,7 @@ class _Check:
                 force, meaning = _over(power, slip), f"{as_power} divided by the relative velocity,"
             self.terms(f"{where}.surface_speed", c.speed, slip, "the relative velocity")
             if c.dissipation is not None:
-                continue  # of a factor, and numbers in a formula may have units
+                continue  # these are factors, and numbers in a formula may have units
             for e in (c.plus, c.minus):
                 self.terms(f"{where}.threshold", e, force, meaning)
             self.units["speed"] = slip

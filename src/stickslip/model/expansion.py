@@ -70,7 +70,7 @@ class Expansion:
         }
         self.structures: dict[str, AnyStructure] = dict(system.structures)
         for name, structure in self.structures.items():
-            # Before laws, whose sliders take over the unit.
+            # Before laws, because their sliders inherit the unit.
             check_unit(structure.unit, f"{entry_key('structures', name)}.unit")
         self.forces = {self.unknown("forces", x): force for x, force in system.forces.items()}
         self.initial = {
@@ -86,7 +86,7 @@ class Expansion:
             name: [part for part in parts if part != 0.0] or [0.0]
             for name, parts in self.energies.items()
         }
-        # In brackets, what was declared means what it would mean alone, or nothing.
+        # In brackets, a declared formula means the same as alone, or is an error.
         joined = {
             name: " + ".join(f"({part})" for part in parts) if len(parts) > 1 else parts[0]
             for name, parts in energies.items()
@@ -249,7 +249,7 @@ class Expansion:
         if meant.symbols <= self.system.parameters.keys():
             parse_range(interval, where).check(ex.evaluate(meant, self.system.values), where)
         if meant is ex.ZERO:
-            return "0"  # what it multiplies is not there, and not shown
+            return "0"  # the term that it multiplies is absent and not shown
         if isinstance(value, str) and NAME.match(value.strip()):
             name = value.strip()
         else:

@@ -26,8 +26,8 @@ _SHARES = {
     "F_c": (0.3, 0.4, 0.3),
     "k": (0.6, 0.3, 0.1),
     "F": (1.4, 1.15, 0.9, 1.0, 1.2),
-}  # of the elements, or the points, of an example
-_SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # of these points, in its largest speed
+}  # fractions of the sums over the elements, or of the forces at the points, of an example
+_SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # speeds of these points, in units of the largest speed
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class FrictionLaw:
         }
 
     def _example(self, values: Mapping[str, float] | None, **parts: Any) -> System:
-        plain = {"elements", *self.points[:1]}  # numbers, no parameters
+        plain = {"elements", *self.points[:1]}  # numbers, not parameters
         own = {name: p for name, p in self.known().items() if name not in plain}
         parameters = {**parts.pop("parameters", {}), **own}
         system = System(

@@ -207,7 +207,7 @@ def force_unit(system: System, contact: str) -> str | None:
     energy."""
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     if declared.unit and declared.plane == 3:
-        # of a face a moment: work is done at a rate of turning
+        # for the moment of a face: its power is that of a rotation
         first = contact.removesuffix("3") + "1"
         speed, turning = slip_unit(system, first), slip_unit(system, contact)
         if speed is None or turning is None:
@@ -233,7 +233,7 @@ def energy_unit(system: System) -> str | None:
     dimension decide; among equal units the one with the fewest factors is taken.
     """
     plain = system.plain
-    # Every force and every amplitude of a mode asks for it, and a structure has many.
+    # The unit is needed for every force and every amplitude of a mode, and a structure has many.
     return made_once(plain, "energy unit", lambda: _energy_unit_of(plain))
 
 
@@ -260,7 +260,7 @@ def _energy_unit_of(system: System) -> str | None:
         unit_product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)
     ]
     if not found:
-        return "1"  # of internal variables alone: it is zero
+        return "1"  # internal variables only: the energy is zero
     return _common([unit for unit in found if lowest_terms(unit)[1] == _JOULE] or found)
 
 

@@ -58,7 +58,7 @@ def declare(system: System) -> Declaration:
         reader.outputs()
         reader.defaults()
     except ArithmeticError:
-        # Single formulas are checked one by one; this is for two that are too large only together.
+        # Single formulas are checked separately; this is for two that are too large only together.
         raise DeclarationError(
             system.name,
             "it contains numbers that are too large",
@@ -327,7 +327,7 @@ class DeclarationReader:
                     "Declare initial values at which it is defined",
                 )
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
-            # Refused is what feeds energy in for sure, not for rounding.
+            # Only drag that certainly feeds energy in is rejected, not rounding errors.
             if high < 0.0 if v > 0.0 else low > 0.0:
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
@@ -456,7 +456,7 @@ class DeclarationReader:
             **dict.fromkeys(forces | (found.keys() - names.keys()), of_state),
             **dict.fromkeys(("dissipated_energy", "supplied_energy"), summed),
         }
-        # What is declared has its name first.
+        # Declared names have precedence.
         own = {*self.motion.names, *self.definitions}
         return Scope(
             {**{name: e for name, e in names.items() if name not in own}, **self.motion.names},

@@ -47,7 +47,7 @@ def check_shape(item: Any, where: str = "") -> None:
     for entry in fields(item):
         key = f"{where}.{entry.name}" if where else entry.name
         if isinstance(item, LawContact) and entry.name == "values":
-            key = where  # in a model file they stand beside the others
+            key = where  # in a model file they are entries of the contact
         _check_kind(getattr(item, entry.name), str(entry.type), key)
 
 

@@ -182,7 +182,7 @@ class System:
     outputs: Entries[Output] = Entries(Output, (str, Real))  # noqa: RUF009 (a descriptor)
 
     def __post_init__(self) -> None:
-        # A tuple is what remains of it where declarations are plain data.
+        # As plain data, the declared span is a tuple.
         default = self.span if isinstance(self.span, DefaultSpan) else None
         hold_plain(self)
         if default is not None:
@@ -282,7 +282,7 @@ class System:
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
         rest = start_of(self.written_structures, {**self.initial, **zero})
         found: dict[str, Any] = {}
-        # Amplitudes of modes are linear in the values, whatever these are.
+        # Amplitudes of modes are linear in the values.
         for name in unknowns:
             for mode, slope in self.start_slope(name).items():
                 if mode not in self.initial:

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from stickslip.structures.coordinates import InModes
 
 _MOST_ELEMENTS = 1000
-_OF_CURVES = ("kind", "outside")  # what laws of points have besides parameters
+_OF_CURVES = ("kind", "outside")  # entries of laws with points besides parameters
 
 
 def write_out(system: System) -> System:
@@ -85,7 +85,7 @@ def write_out(system: System) -> System:
     if not sampled and work.contacts == system.contacts and work.structures == system.structures:
         return system
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its doubts are those of the system, which says them
+        warnings.simplefilter("ignore")  # its warnings were issued for the system
         try:
             plain = work.result()
         except DeclarationError as error:

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 NAMES = ("energy balance", "friction law", "equations of motion", "rounding errors of the audit")
-_ACCURACY = 10.0  # times rtol: limit of residuals, if that is more than `CERTIFIED`
-_TOUCHING = 1e-9  # gap of bodies that touch, relative to the largest coordinate of the motion
+_ACCURACY = 10.0  # limit of residuals in units of rtol, if that is more than `CERTIFIED`
+_TOUCHING = 1e-9  # gap of touching bodies relative to the largest coordinate of the motion
 
 
 def certify_trajectory(trajectory: Trajectory) -> Certificate:
@@ -68,7 +68,7 @@ def _missed(trajectory: Trajectory, start: Array) -> float:
         rounding = ROUNDED_SUM * float(np.max(sizes[kind], initial=0.0))
         missed[kind] = np.where(missed[kind] <= rounding, 0.0, missed[kind])
     if _collides(trajectory, start):
-        missed[n : 2 * n] = 0.0  # The first knot is behind an impact, which is one of velocities.
+        missed[n : 2 * n] = 0.0  # The first knot is after an impact, which changes velocities.
     changed = missed != 0.0
     with np.errstate(divide="ignore"):
         return float(np.max(missed[changed] / sizes[changed], initial=0.0))

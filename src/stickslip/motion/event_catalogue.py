@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
-_MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
-_LOOKS = 33  # samples of a step
-_MOST_STEPS = 10_000_000  # events of a motion that is followed again
+_MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the moment
+_LOOKS = 33  # number of samples of a step
+_MOST_STEPS = 10_000_000  # largest number of events of a motion that is recomputed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -309,7 +309,7 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     slipping = slipping_contacts(motion, [own[0] for own in columns])
     runs = intervals_of_slip(slipping, k.clock)
     own = np.logical_or.reduceat(slipping, runs.ravel())[::2] if len(runs) else slipping[:0]
-    # What has stuck all the time has not slipped, and its difference is rounding.
+    # A contact that has stuck throughout has not slipped; its difference is a rounding error.
     moved = slips_in(motion, runs)
     sizes = np.stack([np.linalg.norm(moved[:, own], axis=1) for own in columns], axis=1)
     sizes = np.where(own, sizes, 0.0)
@@ -488,7 +488,7 @@ def _listed(
     above = within > watched.levels
     sizes = np.where(above, moved, 0.0)
     steps = np.searchsorted(k.clock, start, side="right") - 1
-    # What begins an event is at its level there; others are below theirs.
+    # The variable that begins an event is at its level there; the others are below theirs.
     nearest = watched.values(start, np.clip(steps, 0, len(k.clock) - 2)) - watched.levels
     table = {
         "start": start + k.origin,
@@ -599,7 +599,7 @@ def _stretches(watched: _Watched) -> tuple[Array, Array]:
     change = np.flatnonzero(above[1:] != above[:-1])
     low, high = clock[change].copy(), clock[change + 1].copy()
     before = above[change]
-    # Where the quantity jumps between two steps, both are the same time.
+    # If the quantity jumps between two steps, both have the same time.
     own = index[change]
     for _ in range(HALVINGS if len(change) else 0):
         middle = 0.5 * (low + high)

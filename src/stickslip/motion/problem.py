@@ -41,10 +41,11 @@ if TYPE_CHECKING:
     from stickslip.motion.affine.forms import ClosedForms, Flight
 
 _FINEST = 1e-16  # tolerance of local errors: less than half of ε, below which steps only shrink
-_LEAST_ATOL = 1e-30  # of motions in any units: squares of what is compared with it do not underflow
-_LEAST_UNIT = 1e-6  # least size beside which errors of a state are measured, if atol ≪ rtol
+# smallest `atol` in any units: squares of values compared with it do not underflow
+_LEAST_ATOL = 1e-30
+_LEAST_UNIT = 1e-6  # smallest size relative to which errors of a state are measured, if atol ≪ rtol
 
-MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
+MOTION_SLOTS = 64  # largest number of modes with a closed form for one set of parameters
 
 
 class _WorkSpaces(threading.local):
@@ -54,18 +55,20 @@ class _WorkSpaces(threading.local):
     flight: Flight | None = None
 
     def __reduce__(self) -> tuple[type[_WorkSpaces], tuple[()]]:
-        # What is on it is nobody else's.
+        # A copy starts with an empty work space: the contents are temporary.
         return _WorkSpaces, ()
 
 
-_MOST_BENCHES = 4  # of a system, each for one order and one number of thresholds with guards
-_MOST_ADMISSIBLE = 64  # sets of numbers of a system that are known to be admissible
-_MOST_CONSTANTS = 4  # sets of matrices of a system
-_MOST_ROWS = 64  # sets of rows of a system, whose required ones depend on parameters
-_CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
-_MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
-_MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
-# beside friction in a plane, where a rest alone has a closed form, which has to pay for its making
+# largest number of work spaces of a system, each for one order and one number of guards
+_MOST_BENCHES = 4
+_MOST_ADMISSIBLE = 64  # largest number of admissible parameter sets of a system that are stored
+_MOST_CONSTANTS = 4  # largest number of sets of matrices of a system
+_MOST_ROWS = 64  # largest number of sets of rows of a system; required rows depend on parameters
+_CURVE_SLOTS = 8  # the same along a curve, where no two problems share them
+# largest number of states of a motion in closed form; the cost per mode is cubic in it
+_MOST_STATES = 400
+_MOST_STATES_OF_MANY = 24  # the same if many motions have closed forms of their own
+# the same with friction in a plane, where only a rest has a closed form and has to repay its cost
 _FEW_BESIDE_PLANES = 12
 
 
@@ -145,7 +148,7 @@ class Problem:
         k = self.constants if constants is None else constants
         bench = self._work_spaces
         space = bench.space = flagged(bench.space or self.space())
-        # What was followed before had other parameters, and another unit of time.
+        # The previous motion in this work space had other parameters and another unit of time.
         space.known[-1] = 1
         space.W[self.rows.sizes[DIMENSION], 1] = 1.0
         return Flow(self.rows, k, space, self.order, tol, atol, self.compiled.supports)
@@ -159,7 +162,7 @@ class Problem:
 
     @cached_property
     def _work_spaces(self) -> _WorkSpaces:
-        # Motions of a system come one after the other, mostly.
+        # Usually the motions of a system are computed sequentially.
         sizes = self.order, len(self.rows.required)
         return made_once(self.compiled, "bench", _WorkSpaces, sizes, _MOST_BENCHES)
 
@@ -213,7 +216,8 @@ class Problem:
         # Modes of large structures are far apart, and need it; but not in all lanes of a map.
         most = _MOST_STATES if groups == 1 else _MOST_STATES_OF_MANY
         small = contacts + kinks <= MOST_SWITCHES and n <= most and layout.frequencies <= 6
-        # closed forms know none of these, and rest in a plane of what holds by itself; so no faces
+        # Closed forms exclude these, and in a plane they cover only a rest under inertial forces
+        # without faces.
         alone = not (layout.gaps or layout.prescribed or layout.together)
         alone = alone and all(p[MASSIVE] == 1 and p[FORMULA] < 0 for p in layout.planes)
         small = small and (n > _FEW_BESIDE_PLANES or not layout.planes)
@@ -334,8 +338,8 @@ def _accuracy(rtol: float, atol: float) -> tuple[int, float, float]:
             raise DeclarationError(
                 name, f"{value!r} is out of range", f"Choose {name} between {low:g} and {high:g}"
             )
-    # Global quality: local steps are kept three digits finer than asked for; with Taylor series
-    # that is nearly free.
+    # Global accuracy: local steps are three digits finer than requested, at little cost with Taylor
+    # series.
     tolerance = max(1e-3 * rtol, _FINEST)
     order = min((n for n in ORDERS if n >= -0.95 * math.log(tolerance)), default=ORDERS[-1])
     return order, tolerance, max(atol / rtol, _LEAST_UNIT)

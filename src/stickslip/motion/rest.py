@@ -52,8 +52,7 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     constant = T.G[slot, :guards] @ s - (coefficients @ r).real
     bound = T.swing[slot, :guards, :blocks] @ np.abs(r)
     margin = GUARD_MARGIN * (np.abs(T.G[slot, :guards]) @ sizes)
-    # A guard that nobody moves stays as it is, even at zero: it was admissible when the mode was
-    # chosen.
+    # A constant guard has no effect, even at zero: it was admissible when the mode was chosen.
     inert = bound <= margin
     return bool(np.where(inert, constant >= -margin, constant - bound > margin).all())
 

@@ -93,7 +93,7 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
     found = set[int]()
     for part in (part for parts in layout.coupled.values() for part in parts):
         directions = {c: equations.contacts[c].direction for c in part.contacts}
-        # Those that move something alone depend on no others.
+        # Contacts that move coordinates alone do not depend on others.
         while True:
             moved = Counter(x for direction in directions.values() for x in direction)
             left = {c: j for c, j in directions.items() if all(moved[x] > 1 for x in j)}

@@ -29,9 +29,9 @@ from stickslip.stopping.scopes import TimeUp, check_limit, watching
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_CHUNK = 4096  # steps between looks at how far it is
-_CHUNK_BYTES = 2**26  # that these may take
-# how a motion may end that has no start
+_CHUNK = 4096  # steps between progress reports
+_CHUNK_BYTES = 2**26  # largest number of bytes of a chunk of knots
+# outcomes of a motion that cannot start
 _NOWHERE = (Outcome.NO_BOUNDED_RATE, Outcome.NO_MODE, Outcome.NO_ACCELERATION)
 
 
@@ -206,7 +206,7 @@ def run_loop(
     except (KeyboardInterrupt, TimeUp) as why:
         ended = why
         code = (Outcome.TIME_UP if isinstance(why, TimeUp) else Outcome.INTERRUPTED).code
-        if len(counts) < len(pieces):  # how many steps it was has not been said
+        if len(counts) < len(pieces):  # the number of steps has not been recorded
             counts.append(int(np.count_nonzero(pieces[-1].clock <= clock[NOW])))
     pieces = [piece.first(count) for piece, count in zip(pieces, counts, strict=True)]
     knots = (

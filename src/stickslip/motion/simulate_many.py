@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
-_BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
+BATCH_SLOTS = 12  # number of closed forms for each set of parameters of a batch
+_BLOCK_BYTES = 32e6  # bytes of the closed forms of the motions that are computed together
 _MOST_LANES = 2048
 _PULSE = 0.25  # seconds after which a request to stop is noticed
 
@@ -248,8 +248,8 @@ def follow_all(
     """
     shared = bool(np.all(table == table[0]))
     slots = MOTION_SLOTS if shared else BATCH_SLOTS
-    # Motions with the same parameters share their closed forms: the fewer blocks, the seldomer
-    # these are made.
+    # Motions with the same parameters share their closed forms: fewer blocks compute these less
+    # often.
     lanes = (
         max(_MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
     )

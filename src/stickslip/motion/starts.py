@@ -18,9 +18,10 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_MOST_STEPS = 8  # of Newton's method onto constraints
-_MOST_NAMED = 6  # coordinates in a message
-_EXCESS = 1e-9  # of a threshold, by which rounding of a start may put a held force beyond it
+_MOST_STEPS = 8  # largest number of Newton iterations onto constraints
+_MOST_NAMED = 6  # largest number of coordinates in a message
+# relative amount by which rounding errors of a start may put a held force beyond its threshold
+_EXCESS = 1e-9
 
 
 class _Gaps:
@@ -82,7 +83,7 @@ class _Openings:
         self.of: _Gaps = made_once(problem.compiled, "gaps", lambda: _Gaps(problem))
         self.values = np.column_stack([table, np.full(len(states), start), states]).T
         self.gaps: Array = self.of.values(self.values)
-        # Where nothing else says how large a gap is, the coordinates do, here or as declared.
+        # If nothing else defines the size of a gap, the coordinates do, here or as declared.
         declared = [abs(problem.system.plain.initial.get(q, 0.0)) for q in self.of.coordinates]
         most = np.maximum(np.max(np.abs(self.values[self.of.place]), axis=0), max(declared))
         size = np.maximum(self.of.sizes(self.values), 1e-3 * most)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Interpolation = Literal["hold", "linear"]
-_ROOM = 64  # knots of a step; a longer one takes more
-_SINCE = "t__since"  # the time from which inputs change
+_ROOM = 64  # number of knots of a step; a longer one allocates more
+_SINCE = "t__since"  # the time since which inputs change
 
 
 @dataclass(frozen=True)
@@ -229,9 +229,9 @@ class Stepper:
         clock[SPAN] = end - begin
         counters[CAUSE] = -1
         counters[TAKEN] = counters[HAPPENED] = 0
-        self._last = None  # the room is written to
+        self._last = None  # the storage is overwritten
         try:
-            with watching():  # Ctrl-C ends a long step, and leaves it where it is
+            with watching():  # Ctrl-C ends a long step and leaves the motion where it is
                 code, pieces, count = self._follow(end - origin)
         except BaseException:
             self.time = origin + float(clock[NOW])

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
-GRID = 1000  # points of the dataset between knots
+GRID = 1000  # number of points of the dataset between knots
 
 
 class Trajectory(Result):
@@ -277,7 +277,8 @@ class Trajectory(Result):
         energy = self.dense_output.rows_by_steps(k, k.clock, np.arange(len(k.clock)))[:, rows]
         return audited(self.problem, k, self.dense_output.seen, energy)
 
-    # -- what a user asks for ----------------------------------------------------------------------
+    # -- queries
+    # --------------------------------------------------------------------------------------
 
     @validated
     def at(self, t: ArrayLike, side: str = "right") -> dict[str, Any]:
@@ -566,7 +567,8 @@ class Trajectory(Result):
             zip(self.problem.compiled.layout.state, map(float, self.knots.state[-1]), strict=True)
         )
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- summaries
+    # ------------------------------------------------------------------------------------
 
     def facts(self) -> dict[str, Any]:
         """Summary as plain data."""

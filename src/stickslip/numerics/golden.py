@@ -9,7 +9,7 @@ import numpy as np
 from stickslip.arrays import Array
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-_STEPS = 64  # from the distance of two samples to rounding
+_STEPS = 64  # number of iterations from the distance of two samples to machine precision
 
 
 def golden_section(f: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:

@@ -100,7 +100,7 @@ class _Here(threading.local):
 
 
 _here = _Here()
-_NEVER = Watch(None, math.inf, None)  # of a thread that listens to nothing
+_NEVER = Watch(None, math.inf, None)  # scope of a thread without a stop condition
 
 
 def scope() -> Watch:
@@ -219,7 +219,7 @@ def check_stop() -> bool:
         return False
     if not now.keyboard:
         raise Stopped
-    # Python has had its look; a handler that wants to end the computation has raised something.
+    # Python's handlers have run; one that ends the computation has raised an exception.
     now.interrupt[0] = 0
     return True
 

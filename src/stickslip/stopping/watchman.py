@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from stickslip.arrays import Array
 
-_LONGEST = 86_400.0  # seconds that the watchman sleeps at most
+_LONGEST = 86_400.0  # longest sleep of the watchman in seconds
 
 
 class Due(NamedTuple):
@@ -72,7 +72,7 @@ class _Watchman:
 
     def wake(self) -> None:
         """Wake the thread so that it checks which flags are due."""
-        with contextlib.suppress(BlockingIOError):  # it is being woken already
+        with contextlib.suppress(BlockingIOError):  # a wake-up signal is pending already
             self._sender.send(b"\0")
 
     def _watch(self) -> None:
@@ -156,7 +156,7 @@ def listen(interrupt: Array) -> PreviousHandler | None:
         before = signal.set_wakeup_fd(watchman.wakeup_fd, warn_on_full_buffer=False)
     except ValueError:  # the main thread of an interpreter in another one
         return None
-    if before == watchman.wakeup_fd:  # an exception came before it was given back
+    if before == watchman.wakeup_fd:  # an exception occurred before it was restored
         before = -1
     watchman.keyboard, watchman.others = interrupt, before
     return PreviousHandler(watchman, before)

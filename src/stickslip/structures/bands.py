@@ -19,8 +19,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.structures.fronts import Eliminated, factored_in_fronts
 
-_WIDEST = 96  # of a band that is eliminated as one: half its width
-_TOGETHER = 32  # unknowns, at least, of a block of a matrix that has pivots of both signs
+_WIDEST = 96  # largest half bandwidth of a matrix that is eliminated as a band
+_TOGETHER = 32  # smallest number of unknowns in a block of a matrix with pivots of both signs
 
 
 def order_in_band(matrix: Any) -> tuple[Array, int] | None:

@@ -18,7 +18,7 @@ from stickslip.symbolic.formulas import is_finite
 
 Coefficient = float | str
 """A number, or a formula of parameters."""
-_ROUNDED = 4.0 * np.finfo(float).eps  # of a sum of magnitudes, what may be rounding
+_ROUNDED = 4.0 * np.finfo(float).eps  # rounding error relative to a sum of magnitudes
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-_LEAF = 96  # unknowns of a part that is not cut any more
-_MANY = 10.0  # neighbours, in square roots of the number of all, that no level structure bears
+_LEAF = 96  # number of unknowns of a part that is not divided further
+# number of neighbours, relative to the square root of the number of unknowns, above which level
+# structures fail
+_MANY = 10.0
 
 
 @dataclass
@@ -105,7 +107,8 @@ def _compressed(matrix: Any) -> tuple[Array, Array, Any]:
 
     n = matrix.shape[0]
     ones = csc_array((np.ones(matrix.nnz, dtype=np.int64), matrix.indices, matrix.indptr), (n, n))
-    marks = np.random.default_rng(0).integers(1, 2**62, n)  # sums tell sets apart
+    # hash: different sets have different sums
+    marks = np.random.default_rng(0).integers(1, 2**62, n)
     _, first, group = np.unique(ones @ marks, return_index=True, return_inverse=True)
     edges = ones if len(first) == n else ones[first][:, first].tocsc()
     if len(first) == n:
@@ -153,8 +156,8 @@ def _cut(graph: _Graph, rest: Array, ends: Array | None) -> tuple[Array, Array, 
     best = np.full(parts, np.inf)
     chosen = np.zeros(parts, dtype=int)
     first = np.zeros(0)
-    # From whole ends, cuts are plane across what is long; from single vertices they are small where
-    # it is as wide as long.
+    # Level sets from an entire end give plane cuts across long parts; from single vertices they are
+    # small if a part is as wide as long.
     for number, begin in enumerate((far, single)):
         first = _depths(graph, begin)
         second = _depths(graph, farthest(first)[number])
@@ -162,7 +165,7 @@ def _cut(graph: _Graph, rest: Array, ends: Array | None) -> tuple[Array, Array, 
         cut = _border(graph, side, parts)
         size = np.bincount(part[cut], weights=weight[cut], minlength=parts).astype(float)
         beyond = np.bincount(label, weights=weight[rest] * (side[rest] == 2), minlength=parts)
-        whole = np.flatnonzero(beyond == 0)  # all as far: this part is a block
+        whole = np.flatnonzero(beyond == 0)  # all at the same distance: this part is a block
         size[whole] = np.inf
         chosen[size < best] = number
         best = np.minimum(size, best)

@@ -19,7 +19,7 @@ from stickslip.structures.structure import LeftOut, Structure, attach_modes
 _KEYS = ("mass", "stiffness", "damping", "names", "unit", "keep", "modes", "method")
 _PACKED_KEYS = ("packed", "damping", "names", "unit", "left_out")
 _KINDS = (".mtx", ".npz", ".npy", ".mat")
-_MOST_BYTES = 2_000_000_000  # of arrays in one text
+_MOST_BYTES = 2_000_000_000  # largest number of bytes of arrays in one file
 
 
 def packed_structure(structure: Structure) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
             continue
         solving, factors = False, []
         pivots, rest = _indefinite(full, k)
-        # By Sylvester's law of inertia this counts the negative eigenvalues of the whole matrix.
+        # By Sylvester's law of inertia this counts the negative eigenvalues of the matrix.
         negative += int(np.count_nonzero(pivots < 0.0))
         least = min(least, float(np.min(np.abs(pivots))))
         if least == 0.0:
@@ -190,7 +190,7 @@ def _assembled(lower: Any, front: Front, fronts: list[Front], waiting: dict[int,
     """The lower half of the full matrix of a front."""
     k = front.last - front.first
     size = k + len(front.border)
-    full = np.zeros((size, size))  # its rows are columns of what is returned
+    full = np.zeros((size, size))  # its rows are columns of the result
     begin, end = lower.indptr[front.first], lower.indptr[front.last]
     columns = np.repeat(np.arange(k), np.diff(lower.indptr[front.first : front.last + 1]))
     full[columns, front.places(lower.indices[begin:end])] = lower.data[begin:end]

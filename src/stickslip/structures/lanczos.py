@@ -18,11 +18,11 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 
-_ACCURATE = 1e-11  # of an eigenvalue: what may be missing of a vector; of itself it is the square
-_ROOM = 4  # times as many vectors as are wanted, before the best are kept
-_MOST = 20  # times as many, before the iteration is given up
-_BLOCK = 8  # vectors at a time, since a solution for several costs hardly more than for one
-_CLEAR = 1e-4  # of unity: squares of what is left of vectors that are new
+_ACCURATE = 1e-11  # relative error of a vector; that of an eigenvalue is its square
+_ROOM = 4  # number of vectors relative to the requested ones, before the best are kept
+_MOST = 20  # number of vectors relative to the requested ones, before the iteration fails
+_BLOCK = 8  # vectors per block: a solution for several costs little more than for one
+_CLEAR = 1e-4  # squared norm of the remainder of a new vector, relative to 1
 
 
 def vectors_of_largest(
@@ -74,7 +74,7 @@ def vectors_of_largest(
         if size >= count:
             values, ritz = np.linalg.eigh((table + table.T) / 2.0)
             values, ritz = values[::-1], ritz[:, ::-1]
-            last = ritz[old:, :count]  # of all others what they become is in the basis
+            last = ritz[old:, :count]  # the images of all other vectors are in the basis
             missing = np.einsum("ij,ij->j", last, (found.T @ (mass @ found)) @ last)
             if size == n or np.all(np.sqrt(np.maximum(missing, 0.0)) <= _ACCURATE * values[:count]):
                 return basis @ ritz[:, :count]
@@ -112,6 +112,6 @@ def _orthonormal(found: Array, basis: Array, mass: Any) -> Array:
         found = found - basis @ (basis.T @ (mass @ found))
         parts, ways = np.linalg.eigh(found.T @ (mass @ found))
         found = found @ (ways / np.sqrt(np.maximum(parts, np.finfo(float).tiny)))
-        if parts[0] > _CLEAR:  # else part of what is left is rounding
+        if parts[0] > _CLEAR:  # otherwise part of the remainder is rounding
             break
     return found

@@ -15,13 +15,14 @@ from stickslip.numerics.levels import EXACT_RANK
 Symmetric = Any
 """A matrix: an array, or a sparse one of SciPy in compressed columns."""
 
-_ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ from symmetric
-_MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
-_COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
-_APART = 0.05  # of the lowest ω²: how far below it a shift is
-_SPREAD = 10.0  # times the lowest ω², in which so many lie that a shift pays
-_FULL = 400  # unknowns below which full matrices are faster
-_SHIFT = 1e-10  # of the largest ratio of diagonals: makes a stiffness with rigid motions regular
+_ALIKE = 1e-9  # relative to the diagonal: asymmetry of files with nine digits that is accepted
+_MOST_MEMORY = 2**30  # largest number of bytes of full matrices made from sparse ones
+_COINCIDE = 1e-9  # gap between squared frequencies, relative to them, below which they coincide
+_APART = 0.05  # distance of a shift below the lowest ω², relative to it
+_SPREAD = 10.0  # multiple of the lowest ω² up to which the requested values lie if a shift pays
+_FULL = 400  # number of unknowns below which full matrices are faster
+# relative to the largest ratio of diagonals: makes a stiffness with rigid motions regular
+_SHIFT = 1e-10
 
 
 def is_sparse(matrix: Symmetric) -> bool:
@@ -46,7 +47,7 @@ def dense(matrix: Symmetric) -> Array:
 
 def check_memory(n: int) -> None:
     """Reject to treat a large sparse structure as full."""
-    needed = 4 * 8 * n * n  # mass, stiffness, and what LAPACK works with
+    needed = 4 * 8 * n * n  # mass, stiffness, and the work space of LAPACK
     if needed > _MOST_MEMORY:
         raise DeclarationError(
             "structure",
@@ -271,7 +272,7 @@ def lowest_modes(
     else:
         squares, modes = _shifted(stiffness, mass, count, factor)
     squares[squares <= rounding(stiffness, mass)] = 0.0
-    # Of both directions of a mode, the one in which its largest entry is positive.
+    # The sign of a mode is chosen so that its largest entry is positive.
     tops = np.argmax(np.abs(modes), axis=0)
     modes *= np.where(modes[tops, np.arange(modes.shape[1])] < 0.0, -1.0, 1.0)
     return squares, modes
@@ -324,7 +325,7 @@ def _shifted(
         last = 1 + int(np.max(np.flatnonzero(gaps > _COINCIDE * squares[1:]), initial=-1))
     lower = squares[last - 1] if last else 0.0
     below = 0.5 * (lower + squares[last])
-    # A mass has its entries where the stiffness has some; if not, the order is only worse.
+    # A mass usually has entries only where the stiffness has some; if not, the order is only worse.
     found = factored(stiffness - below * mass, solving=False, blocks=factor.blocks).negative
     if found != last:
         raise ConvergenceError(

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 UnknownKey = int | str
 """An unknown, by its index or its name."""
 Method = Literal["craig-bampton", "modal"]
-_ALL = 50  # unknowns that results show
-_SHOWN = 6  # frequencies in a summary
+_ALL = 50  # number of unknowns that results show
+_SHOWN = 6  # number of frequencies in a summary
 
 
 @dataclass(frozen=True)
@@ -387,7 +387,8 @@ class Structure:
 
         return packed_structure(self)
 
-    # -- what it says of itself --------------------------------------------------------------------
+    # -- summaries
+    # -----------------------------------------------------------------------------------
 
     @cached_property
     def digest(self) -> str:
@@ -530,7 +531,7 @@ def _proportional(
             continue
         found = np.zeros(len(parts))
         apart = damping
-        for _ in range(3):  # later ones for what rounding has left
+        for _ in range(3):  # later iterations remove rounding errors
             right = np.array([float((part * apart).sum()) for part in parts])
             found += np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
             apart = damping - sum(c * part for c, part in zip(found, parts, strict=True))

@@ -26,7 +26,7 @@ from stickslip.sweeps.store import MapStore
 Cell = tuple[tuple[int, int], ...]
 """First and last index along each axis."""
 
-_COARSEST = 8  # cells along an axis to begin with, at least
+_COARSEST = 8  # smallest initial number of cells along an axis
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.settling.motions import Settings
 
 _STOPPED = -1  # labels of motions that are on no attractor
-ON_ITS_WAY = -2  # neither irregular nor slow, as far as it was followed
+ON_ITS_WAY = -2  # neither irregular nor slow within the computed time
 UNDAMPED = -3
 PARTING = -4
 SLOWLY = -5
@@ -65,10 +65,10 @@ ON_NONE = {
 }
 """What is said of motions that are on no attractor, by label."""
 _ARRIVED = 1e-3  # distance from an attractor, relative to its size, that counts as on it
-_SAME = 1e-6  # relative difference of periods, and of ranges, that is none
-_LONG_ENOUGH = 6.0  # periods after which Newton's method sees that a motion repeats
-_MOST = 64  # attractors
-_MOST_STATES = 10**7  # of a section
+_SAME = 1e-6  # relative difference of periods, and of ranges, that counts as zero
+_LONG_ENOUGH = 6.0  # number of periods after which Newton's method finds that a motion repeats
+_MOST = 64  # largest number of attractors
+_MOST_STATES = 10**7  # largest number of states of a section
 _COMPONENTS = ("state", "low", "high", "shift")  # measures of every component of the state
 
 

@@ -27,10 +27,11 @@ from stickslip.sweeps.work.carried_state import (
     resumed_state,
 )
 
-_NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there
-_THERE = 1e-9  # in units of the cycle: no distance
-_LOOKS = 7  # at 1, 2, 4, … periods more
-_MOST_LOOKS = 10  # … and so many where each of them is nearer by this factor
+# fraction of its first distance from a cycle that a motion reaches if it converges there
+_NEARER = 0.2
+_THERE = 1e-9  # distance in units of the cycle that counts as zero
+_LOOKS = 7  # number of looks, after 1, 2, 4, … further periods
+_MOST_LOOKS = 10  # … and largest number if each of them is nearer by this factor
 _SLOWLY = 0.9
 
 

@@ -22,7 +22,7 @@ Chunk = tuple[int, ...]
 
 _DESCRIPTION = "zarr.json"
 _SUM = 4  # bytes of the checksum at the end of a chunk
-_SKIPPED = b"\x50\x2a\x4d\x18"  # how a frame begins that decoders skip
+_SKIPPED = b"\x50\x2a\x4d\x18"  # magic number of a frame that decoders skip
 _LAYOUT = "3"
 
 

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.map import Map
 
-_LEVEL = 1.959963984540054  # standard deviations within which 95 % are
-_GRADIENT = 1e-9  # of a likelihood, at which BFGS ends
+_LEVEL = 1.959963984540054  # standard deviations that contain 95 %
+_GRADIENT = 1e-9  # gradient of the log-likelihood at which BFGS ends
 _ITS_OWN = ("share", "low", "high", "records")
 _FITTED = ("median", "dispersion")
 
@@ -272,6 +272,6 @@ def lognormal_fit(x: Array, beyond: Array, total: Array) -> tuple[float, float]:
 
     start = np.array([0.0, 1.0])
     a, b = minimize(surprise, start, jac=True, method="BFGS", options={"gtol": _GRADIENT}).x
-    if b <= 0.0:  # the more, the fewer
+    if b <= 0.0:  # decreasing: no such distribution
         return math.nan, math.nan
     return math.exp(centre - width * a / b), width / b

@@ -47,10 +47,10 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
-_APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
-_BETWEEN = 5  # largest responses between two levels
-_FIRST = 0.004  # part of the range in which a largest response is looked for at first
-_PEAK = 1e-6  # to which the frequency of a largest response is known; the response to its square
+_APART = 0.5  # a point this far from a line, relative to the step of the line there, may be on it
+_BETWEEN = 5  # number of largest responses between two levels
+_FIRST = 0.004  # initial fraction of the range in the search for a largest response
+_PEAK = 1e-6  # accuracy of the frequency of a largest response; the response has the square of it
 
 
 @validated
@@ -199,7 +199,7 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
     taken |= system.declaration.results.definitions.keys()
     name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
+        warnings.simplefilter("ignore")  # its warnings were issued for the system
         return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
 
 
@@ -336,7 +336,7 @@ class _OnLines:
         if cycle in self.line_of or not cycle.certificate.ok:
             return
         wanted, branches = self.lines.wanted, self.lines.branches
-        # What was followed from a cycle on a line, and is near that line, is on it.
+        # A cycle continued from one on a line, and near that line, is on it.
         near = [self.line_of[c] for c in beside if c in self.line_of]
         line = next((b for b in near if _spans(wanted, b, cycle)), None)
         line = line or next((b for b in branches if self._passes(b, cycle)), None)
@@ -484,7 +484,7 @@ def _backbone(level: str, found: list[Lines]) -> list[Cycle]:
         spaced = np.geomspace if ends[0] > 0.0 else np.linspace
         with suppress(ConvergenceError):
             for i, value in enumerate(spaced(*ends, _BETWEEN + 2)[1:-1].tolist()):
-                # Most of the way it goes straight to the next peak.
+                # Usually it leads straight to the next peak.
                 guess = last.parameters[x]
                 guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
                 there = moved(last, {level: value, x: guess})

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from stickslip.sweeps.fragility import Fragility
 
-# labels of motions that are on no attractor, with what is counted of them
+# labels of motions that are on no attractor, with the name of their count
 _NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
 
@@ -302,7 +302,7 @@ class Map(Result):
             If there is no map at the path, or it is damaged. Points of which a file is missing
             count as not computed.
         """
-        if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+        if os.path.isdir(path):  # Path.is_dir raises for invalid paths
             return cls(read_map(Path(path)))
         return super().open(path)
 

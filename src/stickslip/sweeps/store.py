@@ -264,7 +264,7 @@ def read_map(path: Path) -> xarray.Dataset:
         raise _damaged(path, found.damaged)
     lost = {*found.unfinished, *(chunk for _, chunk in found.missing)}
     if lost:
-        for name in names:  # of a point that is not computed nothing else is known, either
+        for name in names:  # the other values of points that are not computed are unknown, too
             values = data[name].values.copy()
             for chunk in lost:
                 if name == "outcome" or np.issubdtype(values.dtype, np.floating):
@@ -313,7 +313,7 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     for name, (kind, empty, attributes) in plan.variables().items():
         _new_array(group, name, dimensions, grid.shape, grid.chunk, kind, empty, attributes)
     with warnings.catch_warnings():
-        # Zarr 3 has no word on consolidated metadata yet; xarray looks for them all the same.
+        # Zarr 3 does not specify consolidated metadata yet; xarray still looks for them.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         group = zarr.consolidate_metadata(group.store)
     if path is not None:
@@ -435,7 +435,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
             axes.append(Axis(tuple(declared["names"]), values, declared["spacing"], tuple(labels)))
     except StickslipError:
         raise
-    except Exception as error:  # of a damaged store without checksums, zarr says anything
+    except Exception as error:  # zarr may raise any exception for a damaged store without checksums
         raise StickslipError(f"{path}: its description is damaged; nothing was changed") from error
     return parts, tuple(axes)
 

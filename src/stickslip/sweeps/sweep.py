@@ -244,7 +244,7 @@ def make_plan(
     varied = [name for axis in axes for name in axis.names]
     start = checked_start(system, initial or {}, varied)
     settings = settings or Settings()
-    pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
+    pose(system, None, settings.rtol, settings.atol)  # rejects settings that no motion accepts
     if carry is not None and driven is not None:
         raise DeclarationError(
             "carry", "the state cannot be carried from one record to the next", "Remove it"

@@ -16,7 +16,7 @@ from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.intervals import LOOSE, Intervals
 
-Box = Array  # of shape (2, boxes)
+Box = Array  # shape (2, boxes)
 
 _ARRAYS = Intervals(
     SimpleNamespace(

@@ -23,7 +23,7 @@ from stickslip.symbolic.intervals import (
     Intervals,
 )
 
-_MOST_SIDES = 4  # nested kinks that are told apart
+_MOST_SIDES = 4  # largest number of nested kinks with separate sides
 _NOTHING = (0.0, 0.0)
 
 
@@ -170,7 +170,7 @@ class Enclosure:
                     low = ops.maximum(low, bound[0])
                 else:
                     high = ops.minimum(high, bound[1])
-        # A region that is empty (or is by rounding) says nothing.
+        # A region that is empty, exactly or by rounding, gives no bound.
         return ops.where(low <= high, low, known[0]), ops.where(low <= high, high, known[1])
 
     def _either(self, e: Expr, above: Interval, below: Interval) -> Interval:

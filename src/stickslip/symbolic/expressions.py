@@ -29,7 +29,7 @@ from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
 Terms = tuple[tuple["Expr", float], ...]
 _ARGUMENT_OF_ROW = re.compile(r"\bx\b")
-_LONG_PRODUCT = 12  # factors from which a product is a factor itself: see `multiply`
+_LONG_PRODUCT = 12  # number of factors above which a product is a factor itself: see `multiply`
 _STRICT = 1.0  # value of a select that is `below` where its guard is 0
 
 
@@ -136,7 +136,7 @@ class Expr:
 
 
 _nodes: WeakValueDictionary[tuple, Expr] = WeakValueDictionary()
-_recent: deque[Expr] = deque(maxlen=10_000)  # for systems that are declared again and again
+_recent: deque[Expr] = deque(maxlen=10_000)  # keeps systems that are declared repeatedly
 _LOCK = RLock()
 
 
@@ -152,7 +152,7 @@ def _node(
             [op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)]
         )
         made = Expr(op, value, args, terms, hashlib.sha1(text.encode()).hexdigest())
-        with _LOCK:  # another thread may just have made the same
+        with _LOCK:  # another thread may have just created the same node
             node = _nodes.get(identity)
             if node is None:
                 node = _nodes[identity] = made
@@ -258,7 +258,7 @@ def multiply(*factors: Expr) -> Expr:
     """
     coefficient = 1.0
     powers = dict[Expr, float]()
-    rooted = set[Expr]()  # of which a root is taken: undefined where they are negative
+    rooted = set[Expr]()  # arguments of roots: undefined if negative
     for factor in factors:
         if factor.op == "num":
             coefficient *= number(factor)

@@ -22,10 +22,10 @@ from stickslip.arrays import Array
 from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.expressions import Expr
 
-_FIRST = 64  # boxes to begin with
-_AT_ONCE = 256  # boxes that are examined at once, at least
-_MOST_PARTS = 16  # into which a box is divided at once
-_MOST = 200_000  # boxes in all
+_FIRST = 64  # initial number of boxes
+_AT_ONCE = 256  # smallest number of boxes that are examined together
+_MOST_PARTS = 16  # largest number of parts into which a box is divided in one step
+_MOST = 200_000  # largest number of boxes
 _TOLERANCE = 1e-15  # accepted gap, relative to the largest value at the ends of the first boxes
 _ROUNDINGS = 4.0  # accepted gap, in units of the rounding of the value at the minimum
 

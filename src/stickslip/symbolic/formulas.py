@@ -28,19 +28,18 @@ from stickslip.symbolic.functions import language
 from stickslip.symbolic.pieces import STRUCTURES
 
 _PARSER = threading.Lock()
-# What is read at once. A sum may be long, since its terms are read one by one; nothing else may,
-# since products of many factors have derivatives of as many terms, and Python's parser recurses.
-_MAX_LENGTH = 4000  # characters
+# Limits of a text that is parsed in one step. A sum may be long, since its terms are parsed one by
+# one; other formulas may not, since products of many factors have derivatives of as many terms, and
+# Python's parser recurses.
+_MAX_LENGTH = 4000  # largest number of characters
 _MAX_NODES = 1500
-_MAX_DEPTH = 60  # of brackets in one formula
-_MAX_HEIGHT = 120  # of an expression once all functions are inserted
-_MAX_WORK = 40_000  # nodes read for one formula, functions inserted
-_WORK_OF_TERM = 100  # more of them for each term of a long sum
-_LONGEST = 4_000_000  # characters of a sum
-_LONG = 1000  # characters from which a formula is read term by term
-_PIECE = (
-    "_piece"  # names of what has been read of a long formula; names of formulas begin otherwise
-)
+_MAX_DEPTH = 60  # largest depth of brackets in a formula
+_MAX_HEIGHT = 120  # largest depth of an expression after insertion of all functions
+_MAX_WORK = 40_000  # largest number of nodes for one formula with the functions inserted
+_WORK_OF_TERM = 100  # additional nodes for each term of a long sum
+_LONGEST = 4_000_000  # largest number of characters of a sum
+_LONG = 1000  # number of characters above which a formula is parsed term by term
+_PIECE = "_piece"  # prefix of the parsed parts of a long formula, which no name has
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _TOKEN = re.compile(
@@ -67,7 +66,7 @@ _ELSEWHERE = {
     "step": "heaviside(x)",
     "hypot": "sqrt(x**2 + y**2)",
     "where": "piecewise(x < 0, a, b)",
-}  # what other languages have, and how it is written here
+}  # notations of other languages, and their equivalents here
 _CONSTANTS = {"pi": ex.num(math.pi)}
 _RESERVED = frozenset(_CONSTANTS) | {"t", "speed"}
 
@@ -388,7 +387,7 @@ class _Reader:
             )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
-        if "#" in text:  # what follows would not be read, on further lines, too
+        if "#" in text:  # the rest of the text, also on further lines, would not be read
             raise self.fail("'#' is not allowed in a formula", "Put comments outside the formula")
         if len(text) > _LONGEST:
             raise self.fail(

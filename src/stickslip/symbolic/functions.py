@@ -244,7 +244,7 @@ class Function:
         return resolve_name(self.growth)
 
     def _read(self, text: str) -> Expr:
-        # The reader of formulas asks this table which functions there are.
+        # The parser of formulas looks up functions in this table.
         from stickslip.symbolic.expressions import sym
         from stickslip.symbolic.formulas import Scope
 
@@ -415,7 +415,7 @@ FUNCTIONS: dict[str, Function] = {
             parity="odd",
             limits=(-1.0, 1.0),
         ),
-        # What pieces are made of.
+        # Functions from which others are composed.
         Function(
             name="floor",
             value=lambda x: float(math.floor(x)),

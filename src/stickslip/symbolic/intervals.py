@@ -26,7 +26,7 @@ Interval = tuple[Any, Any]
 EVERYTHING = (-math.inf, math.inf)
 LARGEST_FLOAT = math.nextafter(math.inf, 0.0)
 LOOSE = 4.0 * 2.0**-52  # relative error of an elementary function, and of a power
-_TINY = 1e-321  # its absolute error where it underflows
+_TINY = 1e-321  # absolute error of a result that underflows
 _SPLIT = 134217729.0  # 2²⁷ + 1: halves the digits of a number
 _SURE = 1e-280  # size of a product above which its error is a floating-point number
 
@@ -265,7 +265,7 @@ class Intervals:
                 self._beside(x, y, place, sign * value) for x, y in zip(a, (low, high), strict=True)
             )
         first, last = sign * limits[0], sign * limits[1]
-        # Beyond a piece, what is inside it counts.
+        # Outside a piece, only the part inside it counts.
         bounds = (
             ops.minimum(ops.maximum(low, first), last),
             ops.maximum(ops.minimum(high, last), first),

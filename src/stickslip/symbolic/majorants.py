@@ -21,7 +21,7 @@ from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 
-_SPACINGS = 4.0  # between a zero of a guard and the number that stands for it
+_SPACINGS = 4.0  # spacings between a zero of a guard and its floating-point number
 Known = dict[Expr, Array]
 
 

@@ -27,7 +27,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 _TURN = 2.0 * math.pi
 _GRID = 2.0**-50
-_SPEED = re.compile(r"speed:\d+")  # of a contact, by its number
+_SPEED = re.compile(r"speed:\d+")  # speed of a contact, by its number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,7 +283,7 @@ def periodic_form(e: Expr) -> Expr:
                 guard, above, below = made.args
                 if _coefficient(below if above is ex.ZERO else above) < 0.0:
                     return -ex.select(guard, -above, -below)
-                return ex.select(guard, above, below)  # which is not strict
+                return ex.select(guard, above, below)  # the inequality is not strict
             return made
         if node.op in FUNCTIONS and FUNCTIONS[node.op].crest is not None:
             (phase,) = node.args

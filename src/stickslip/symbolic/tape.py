@@ -137,7 +137,7 @@ class Instruction:
 def rows_read(i: Instruction) -> list[int]:
     """Rows that an instruction depends on."""
     if i.op is Op.IMPLICIT:
-        # its slope is an order behind
+        # its slope is one order lower
         return list(i.inputs[1:])
     rows = [*i.inputs, *(part.row for part in i.parts if part.row is not None)]
     rows += [entry.row for entry in i.entries if entry.inputs]

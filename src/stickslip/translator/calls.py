@@ -119,7 +119,7 @@ def _frexp(f: Values, x: Value, /) -> Value:
 
 
 def _ldexp(f: Values, x: Value, n: Value, /) -> Value:
-    # what lies beyond gives zero or an infinity in any case
+    # larger exponents give zero or an infinity in any case
     few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, 9999)
     few = f.converted(f.outside(WHOLE, "llvm.smax.i64", few, -9999), "i32")
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, few))
@@ -207,7 +207,7 @@ def complex_exp(z: complex) -> complex:
 def power_whole(a: float, b: int) -> float:
     r = 1.0
     left = abs(b)
-    if left > 0x10000 or left < 0:  # the least number has no opposite
+    if left > 0x10000 or left < 0:  # the smallest integer has no negative
         return math.pow(a, float(b))
     while left != 0:
         if left & 1 != 0:

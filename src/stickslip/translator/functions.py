@@ -33,7 +33,7 @@ from stickslip.translator.values import (
     joined,
 )
 
-_MOST_ROUNDS = 12  # in which the types of variables have to settle
+_MOST_ROUNDS = 12  # largest number of iterations for the types of variables
 _INSTEAD: dict[Any, str] = {
     ast.List: "Use a tuple, or an array that is passed in",
     ast.With: "Do it in the function that calls",
@@ -72,7 +72,7 @@ class Function(Values, ast.NodeVisitor):
         self.node = node
         self.arguments = arguments
         self.name = name
-        self.calls = 0  # of functions that may do something
+        self.calls = 0  # calls of functions with side effects
         self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
         self.types: dict[str, Type] = {}
         self.result: Type | None = None
@@ -128,8 +128,8 @@ class Function(Values, ast.NodeVisitor):
         self.places: dict[str, Register] = {}
         self.assigned: frozenset[str] = frozenset()
         self.ways: dict[str, list[frozenset[str]]] = {}
-        self.loops: list[tuple[str, str]] = []  # where the next round begins, and where it ends
-        self.unrolled = 0  # loops around this place that are written round by round
+        self.loops: list[tuple[str, str]] = []  # labels of the next iteration and of the end
+        self.unrolled = 0  # number of enclosing loops that are unrolled
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
             is_tuple = isinstance(type_, TupleType)
             register = Register(_argument(parameter), type_.llvm)
@@ -213,7 +213,7 @@ class Function(Values, ast.NodeVisitor):
         self.assigned |= {name}
         once = self.stores[name] == 1 and not self.unrolled
         if value.lasting and once and value.offset is not None:
-            self.values[name] = value  # it may stay where it is: nothing writes there
+            self.values[name] = value  # no copy needed: nothing writes to it
             return
         known = self.types.setdefault(name, value.type)
         type_ = joined(known, value.type)

@@ -30,10 +30,10 @@ from stickslip.translator.values import (
     joined,
 )
 
-_FEW = 150  # lines of a function that other modules have copies of; LLVM inlines no longer ones
+_FEW = 150  # lines of a function that is copied to other modules; LLVM does not inline longer ones
 _MANY = 1000  # lines of a function that is not inlined
 _WORDS = Register("%words", POINTER)
-# Of functions of C, LLVM is to assume no more than this: it takes fmod(0, NaN) for 0.
+# LLVM may assume no more than this of C functions: it evaluates fmod(0, NaN) as 0.
 _ATTRIBUTES = """
 attributes #0 = { nounwind nofree nosync }
 attributes #1 = { nobuiltin nounwind willreturn memory(none) }
@@ -69,7 +69,7 @@ class Program:
         self.direct: Mapping[type, str] = direct or {}
         self._definitions: dict[Any, Definition | None] = {}
         self._functions: dict[str, Definition] = {}
-        self._outside: set[str] = set()  # names of what is called from outside
+        self._outside: set[str] = set()  # names of functions called from outside
         self._declared: dict[str, str] = {}
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
@@ -108,7 +108,7 @@ class Program:
     ) -> Definition:
         plain = tuple(as_constant(type_, False) for type_ in wanted)
         if plain != wanted:
-            # The same code serves constants, if it writes to none of them.
+            # The same code is used for constants, if it writes to none of them.
             found = self.definition(function, plain)
             checked = Function(self, function, node, wanted, found.name).translated()
             return found._replace(arguments=wanted, result=checked.result)
@@ -124,7 +124,7 @@ class Program:
         code = function.python.__code__
         if code.co_filename not in self._nodes:
             linecache.checkcache(code.co_filename)  # the file may have been edited
-            # which also knows the cells of notebooks
+            # also contains the cells of notebooks
             text = "".join(linecache.getlines(code.co_filename))
             found = [x for x in ast.walk(ast.parse(text)) if isinstance(x, ast.FunctionDef)]
             firsts = [min([x.lineno, *(d.lineno for d in x.decorator_list)]) for x in found]

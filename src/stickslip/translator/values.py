@@ -478,7 +478,7 @@ class Values(Assembly):
     def entry(self, array: Value, given: Sequence[Value]) -> Register:
         """Address of an entry, or of the first of a row."""
         base = self._word_of(array, 0, POINTER)
-        before: Register | None = None  # entries; None if there are none
+        before: Register | None = None  # offset in entries; None is zero
         for axis in range(array.type.axes):
             if before is not None:
                 before = self.op("mul nsw", before, self.length(array, axis).register)
@@ -588,7 +588,7 @@ class Values(Assembly):
 
     def divided(self, operation: str, a: Register, b: Register) -> Register:
         """Quotient or remainder of whole numbers as Python rounds them; zero by zero."""
-        # LLVM leaves undefined what division by 0, and of the least number by −1, would give.
+        # In LLVM, division by 0, and of the smallest integer by −1, is undefined.
         none, minus = self.op("icmp eq", b, 0), self.op("icmp eq", b, -1)
         by = self.pick(self.op("or", none, minus), 1, b)
         quotient, rest = self.op("sdiv", a, by), self.op("srem", a, by)
@@ -616,7 +616,7 @@ class Values(Assembly):
         if COMPLEX in (a.type, b.type):
             self.refuse(*what)
         if b.type == INT and a.type != FLOAT:
-            self.refuse_later(*what)  # nothing else is for real numbers alone
+            self.refuse_later(*what)  # the only operation for real numbers alone
         a = self.cast(a, FLOAT)
         if b.type == INT and not b.is_known:
             return self.runtime("power_whole", a, b)

@@ -62,7 +62,7 @@ def by_mode(axes: Axes, t: Array, values: Array, mode: Array) -> None:
     axes.plot(t, values, color=STICK, lw=1.6)
     free = mode == _OPEN
     for holds, colour in ((free, OPEN), ((mode != 0) & ~free, SLIP)):
-        shown = holds | np.append(holds[1:], False)  # and the span before
+        shown = holds | np.append(holds[1:], False)  # and the previous span
         axes.plot(t, np.where(shown, values, np.nan), color=colour, lw=2.6)
 
 

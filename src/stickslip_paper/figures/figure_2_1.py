@@ -10,7 +10,7 @@ def draw() -> Figure:
     """z_ε for ε = 0.1 inside its stable region, and the limit z_0 inside the region that is stable
     at every phase."""
     load, threshold = "5*t - t**2", "1 + cos(2*pi*s)/2"
-    smallest = ss.WeightedL1([threshold]).average().support([1.0])  # of (2.3): Ψ_av(V) = min ρ |V|
+    smallest = ss.WeightedL1([threshold]).average().support([1.0])  # in (2.3): Ψ_av(V) = min ρ |V|
     resolved = ss.play(load, threshold, (0, 5), initial=0.0, epsilon=0.1)
     averaged = ss.play(load, smallest, (0, 5), initial=0.0)
     return ss.figures.plot_limit(resolved, averaged)

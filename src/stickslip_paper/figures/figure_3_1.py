@@ -8,7 +8,7 @@ import stickslip as ss
 from stickslip_paper.drawing.entry import FigureEntry
 from stickslip_paper.drawing.style import heads
 
-# (β, γ) at the start, and for how long the motion is drawn.
+# (β, γ) at the start, and the duration that is drawn.
 _STARTS = (((3.3, 1.0), 9.0), ((-2.0, 2.3), 9.0), ((-18.0, 1.3), 3.0))
 
 

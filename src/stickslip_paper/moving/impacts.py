@@ -39,7 +39,7 @@ def woodpecker_scene(frames: int = 140) -> Scene:
     jams = events.loc[
         (events["contact"] == "lower edge") & (events["to"] == "stick"), "time"
     ].to_numpy()
-    # It begins 12 ms before it jams, late enough to have settled.
+    # It begins 12 ms before it jams, when it has converged.
     start = float(jams[jams < 20.0 - 2 * period][-1]) - 0.012
     times = start + np.linspace(0.0, 2 * period, 2400)
     t = start + np.linspace(0.0, 2 * period, frames)

@@ -74,7 +74,7 @@ class Claim:
         """Run the check; an error counts as a failure."""
         try:
             return self.check()
-        except Exception as error:  # whatever breaks a computation breaks the claim
+        except Exception as error:  # any error in a computation is a failure of the claim
             return Finding(Verdict.FAILS, f"the check stopped: {type(error).__name__}: {error}")
 
 

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     import xarray
 
 
-EQUATIONS = ("(3.6)", "(3.5)", "(3.3)")  # the motions that (3.6) simplifies, from the simplest on
-_ROUNDS = 40  # of the secant method
-_DOUBLINGS = 6  # of the time that a slip or a stick is given
+EQUATIONS = ("(3.6)", "(3.5)", "(3.3)")  # the motions that (3.6) simplifies, simplest first
+_ROUNDS = 40  # largest number of secant iterations
+_DOUBLINGS = 6  # largest number of doublings of the time of a slip or a stick
 
 
 @dataclass(frozen=True)

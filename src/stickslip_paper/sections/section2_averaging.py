@@ -150,7 +150,7 @@ def dual_is_an_indicator() -> Finding:
             values = np.array([potential.value(s, v) for v in directions])
             for xi in rng.uniform(-3, 3, (50, 2)):
                 largest = float((directions @ xi - values).max())
-                if abs(largest) > 1e-3:  # closer to the boundary 720 directions do not decide
+                if abs(largest) > 1e-3:  # 720 directions are too few closer to the boundary
                     wrong += (largest < 0) != potential.contains(xi, s)
     return shows(wrong == 0, f"{wrong} of 400 disagree", disagree=wrong)
 

@@ -31,7 +31,7 @@ _TOP = 2.5
 _HEIGHT = 6.25
 _SMOOTH = "1 + cos(2*pi*s)/2"
 _KINK = "0.5 + abs(sin(pi*(s - 0.2)))"
-_LEAST = 0.5  # of both
+_LEAST = 0.5  # minimum of both
 
 
 def load(t: Array) -> Array:

@@ -41,7 +41,7 @@ _LAW = "2/sqrt(alpha)"
 _HOPF = 0.224849301296112  # V for this law and ν = 0.05
 NU = 0.05  # ν of the rectangles
 _RATE = 0.3  # V* of the rectangles
-_SLIDING = {"block": "slip-"}  # forward, where U falls behind
+_SLIDING = {"block": "slip-"}  # forward, if U is smaller
 _STICKING = {"block": "stick"}
 _BACKWARD = {"block": "slip+"}
 _MODES = (_SLIDING, _STICKING, _BACKWARD)

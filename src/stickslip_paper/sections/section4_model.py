@@ -32,7 +32,7 @@ from stickslip_paper.sections.laws import (
 
 RIGHT = "right leg"
 LEFT = "left leg"
-_SLIPS = {1: "slip+", -1: "slip-"}  # by the sign of the velocity
+_SLIPS = {1: "slip+", -1: "slip-"}  # key: sign of the velocity
 WALK = {"psi": -1.67, "x_R": 0.5, "x_L": 0.0}
 _STATE = {"psi": (-2.0, 2.0), "d_psi": (-2.0, 2.0), "x_R": (-1.0, 1.0), "x_L": (-1.0, 1.0)}
 RANGES = {"I_b": (0.5, 2.0), "delta": (0.0, 0.2), "a": (0.5, 2.0), "b": (0.5, 2.0), "c": (0.1, 0.5)}
@@ -62,7 +62,7 @@ def H_L(p: dict[str, float]) -> float:
 def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
     """Friction threshold of a leg in the library."""
     limit = system.dry_contacts[leg].threshold
-    assert not isinstance(limit, tuple)  # the same forward and backward
+    assert not isinstance(limit, tuple)  # equal forwards and backwards
     return system.evaluate(limit, values)
 
 

@@ -37,7 +37,7 @@ from stickslip_paper.sections.section4_model import (
 )
 
 _WIDE = {**RANGES, "P": (0.5, 1.5), "psi": (-2.0, 2.0)}
-# Of the walk with the catalogue's parameters, to the digits given.
+# Values of the walk with the catalogue's parameters, to the published digits.
 _PERIOD = 5.969
 _AMPLITUDE = 1.6236
 _SPEED = 0.1675

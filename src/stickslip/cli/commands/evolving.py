@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play
 
-_TOLERANCE = 1e-8  # of an average without a closed form, relative to the size of K(s)
+_TOLERANCE = 1e-8  # error of an average without a closed form, relative to the size of K(s)
 AVERAGE = Files(folder="average")
 EVOLUTION = Files("evolution.nc")
 _SHOWN = 8  # components in a table; all are in summary.json
@@ -120,11 +120,11 @@ def configured(
     given = settings_of(settings or [])
     samples = measured_drives(given)
     others = {name: value for name, value in given.items() if name not in samples}
-    # What is neither a formula nor samples is refused there.
+    # Values that are neither formulas nor samples are rejected there.
     model = load_evolution(file).configure(cast("dict[str, Drive]", others))
     if until is not None:
         model = with_option("--until", model, span=(model.span[0], until))
-    return model.configure(samples)  # which have to cover that
+    return model.configure(samples)  # the samples have to cover the span
 
 
 def with_option(option: str, model: EvolutionModel, **changes: Any) -> EvolutionModel:

@@ -194,7 +194,7 @@ def branch_command(
     checked_range(system, parameter, (low, high))
     inside = low <= system.values[parameter] <= high
     at = {} if inside else {parameter: 0.5 * (low + high)}
-    # Where time matters there is no equilibrium to follow.
+    # Systems that depend on time have no equilibria.
     equations = derive(system.declaration)
     cycles = cycles or equations.timed or bool(equations.jumps)
 

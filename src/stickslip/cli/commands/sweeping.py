@@ -383,7 +383,7 @@ def _progress(label: str) -> Iterator[Callable[[Progress], None] | None]:
         task = bar.add_task(label, total=None, points="")
 
         def show(state: Progress) -> None:
-            if state.new == 0:  # what was found in the store says nothing about the time left
+            if state.new == 0:  # results from the store do not predict the remaining time
                 bar.reset(task, total=state.total, completed=state.done)
             bar.update(task, completed=state.done, points=state.describe())
 

@@ -37,7 +37,7 @@ def guarded(command: Callable[_P, None]) -> Callable[_P, None]:
             finish("interrupted; nothing new was written", EXIT_INTERRUPTED)
         except OSError as error:
             if error.errno == errno.EPIPE:
-                raise  # the reader has seen enough, as in: stickslip show rocking_toy | head
+                raise  # the reader closed the pipe, as in: stickslip show rocking_toy | head
             finish(f"{error.filename or 'file'}: {error.strerror or error}", _BAD_INPUT)
         except typer.Exit:
             raise

@@ -41,7 +41,7 @@ def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
     made: list[Path] = []
     try:
         made = _make(path if existed else path.parent)
-        # Beside the goal, so that renaming never copies.
+        # In the same folder as the target, so that renaming never copies.
         place = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=path if existed else path.parent))
     except OSError as error:
         _remove_empty(made)
@@ -76,7 +76,7 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
         os.replace(partial, folder / PICTURE)
     except KeyboardInterrupt:
         finish(f"interrupted while drawing; the results are in {folder}", EXIT_INTERRUPTED)
-    except Exception as error:  # whatever it is, it says nothing about the result
+    except Exception as error:  # an error here does not affect the result
         warn(
             f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in "
             f"{folder}"

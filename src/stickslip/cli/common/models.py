@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from stickslip.model.entries.tables import Table
     from stickslip.results import Result
 
-_FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks like that
+_FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # formulas do not match
 
 
 def load_model(model: str, settings: Iterable[str], until: float | None = None) -> System:
@@ -77,7 +77,7 @@ def differences(result: Result, system: System, model: str) -> list[str]:
     if not isinstance(own, System):
         reason = f"{result.KIND} is not a result of one system"
         raise DeclarationError("--model", reason, f"Remove {model}")
-    # The span of a motion is its own, as --until gives it.
+    # The span of a motion is not a setting: --until defines it.
     before, now = (s.to_toml().splitlines() for s in (own, replace(system, span=own.span)))
     lost = [f"stored: {line}" for line in before if line and line not in now]
     new = [f"{model}: {line}" for line in now if line and line not in before]
@@ -193,5 +193,5 @@ def _value(text: str) -> Formula:
     try:
         constant = Scope({}).parse(text, "")
     except DeclarationError:
-        return text  # a formula in the system's names, or a mistake: the declaration will say
+        return text  # a formula in the system's names, or an error that the declaration reports
     return number(constant) if is_number(constant) else text

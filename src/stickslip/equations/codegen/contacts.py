@@ -80,7 +80,7 @@ def sliding_forces(draft: Draft, i: int) -> tuple[Expr, Expr, Expr, Expr]:
     broken; in a plane that of a component, along the direction of its slip."""
     c = draft.eq.contacts[i]
     if c.opens:
-        # what is open, or carried, does not press
+        # an open or a carried contact has no normal force
         return ex.ZERO, ex.ZERO, ex.ZERO, ex.ZERO
     if not c.plane:
         return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus

@@ -68,16 +68,16 @@ def _kinks(draft: Draft) -> None:
     turning = {guard: (plane, same) for plane in draft.eq.planes for guard, same in plane.pieces}
     for j, guard in enumerate(draft.eq.kinks):
         if guard in turning:
-            # Of any degree in u, it vanishes as u does where a slip ends. It is known on both
-            # sides, which R need not be.
+            # For any degree in u, it vanishes with u at the end of a slip. It is known on both
+            # sides, unlike R.
             plane, same = turning[guard]
             kinks.append(tape.row(ex.sym(f"length:{plane.parts[0]}") * same))
             draft.note(3 * draft.nc + j, added(element("mag", i) for i in plane.parts))
             continue
-        if draft.constants.is_constant(guard):  # of which only the sign matters, however large
+        if draft.constants.is_constant(guard):  # only the sign matters, however large the value
             guard = ex.select(guard, ex.ONE, -ex.ONE)
         kinks.append(tape.row(in_own_piece(guard)))
-        if in_own_piece(guard) is not guard:  # as of a difference to a knot, which is as large
+        if in_own_piece(guard) is not guard:  # a difference to a knot is as large as its arguments
             draft.note(3 * draft.nc + j, numeral(2.0) * draft.size(guard.args[0]))
             continue
         draft.note(3 * draft.nc + j, draft.size(guard))
@@ -90,7 +90,7 @@ def _members(draft: Draft) -> None:
     for i, own in enumerate(draft.eq.members):
         for c in own if len(own) > 1 else ():
             sides = tape.row(c.plus), tape.row(c.minus)
-            # of floors the gap
+            # the gap of a floor
             u = tape.row(c.ratio * ex.sym(f"u:{i}") if c.gap is None else c.gap)
             draft.layout.parts[c.name] = (_part(draft, i, c), *sides, u)
 

@@ -13,8 +13,8 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import ParameterExpressions, Store
 from stickslip.symbolic.tape import Instruction, rows_made
 
-ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
-INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
+ORDERS = (8, 12, 16, 20, 24)  # admissible orders of a Taylor series
+INVERSES = ("Rq", "Rz")  # names of the linear problems of inertial and of viscous coordinates
 MATRICES = (*INVERSES, "B")  # and of rate-independent ones
 
 

@@ -178,7 +178,7 @@ def _block_sizes(
             force = order_0(draft.tape.names[f"lambda:{c}"])
             terms[x].append(abs(product_of_sizes(scalar(weight), force)))
             if draft.eq.contacts[c].plane:
-                # its direction may turn
+                # its direction may change
                 most = order_0(draft.tape.row(draft.eq.contacts[c].plus))
                 terms[x].append(abs(product_of_sizes(scalar(weight), most)))
     for i, x in enumerate(names):

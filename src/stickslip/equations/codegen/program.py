@@ -21,7 +21,7 @@ _HIDING = frozenset(
 )
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""
-_MOST_DEGREE = 8  # of a polynomial that a series of every order shows
+_MOST_DEGREE = 8  # largest degree of a polynomial that a series of every order shows
 
 
 class Program(NamedTuple):

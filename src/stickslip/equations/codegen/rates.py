@@ -99,8 +99,8 @@ def residual_stores(draft: Draft) -> list[Store]:
     for i, c in enumerate(acting):
         contact = draft.mq + draft.mz + i
         plus, minus = v[c.plus], v[c.minus]
-        # The largest force so far: what a residual is small against also where the force passes
-        # through zero.
+        # The largest force so far: residuals are relative to it also when the force passes through
+        # zero.
         parts = [abs(numeral(e) * v[term]) for term, e in _terms(rate.force[i])]
         scale = added([*parts, Scalar("larger", (abs(plus), abs(minus)))])
         largest = Scalar("larger", (element("G", draft.nr + i), scale))

@@ -10,11 +10,10 @@ from stickslip.arrays import Array
 from stickslip.numerics.levels import LEAST_PIVOT
 from stickslip.translator import compiled, fma
 
-# What ``jets`` returns: a linear problem has no solution, or a mass matrix is not definite.
+# Results of ``jets``: a linear problem has no solution, or a mass matrix is not definite.
 SINGULAR = 1
 INDEFINITE = 6
-# What has become of a column of :func:`shared_inverse`.
-_TO_DO, _DONE, _SHARED = 0.0, -1.0, 1.0
+_TO_DO, _DONE, _SHARED = 0.0, -1.0, 1.0  # State of a column of :func:`shared_inverse`.
 
 
 @compiled(brief=True)

@@ -31,7 +31,7 @@ Operand = float | Register
 Count = int | Register
 """A whole number."""
 Pair = tuple[Operand, Operand]
-_STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
+_STRANDS = 4  # number of partial sums of long sums, so that instructions do not wait for each other
 _T = TypeVar("_T")
 
 
@@ -312,6 +312,6 @@ class Arithmetic(Assembly):
             sources = f"[ {x}, %{before} ], [ {of_type(x.type, y)}, %{last} ]"
             self.lines[place + i] += f" {x.type} {sources}"
         self.begin(after)
-        # What is made inside is not there if the loop is never entered.
+        # Values made inside the loop do not exist if it is never entered.
         self._once = known
         return values

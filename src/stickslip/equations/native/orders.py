@@ -32,14 +32,14 @@ from stickslip.symbolic.tape import (
 )
 from stickslip.translator.assembly import REAL, Register
 
-_OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
-SMALL_MATRIX = 8  # rows of a matrix up to this length are written out
-# Where a search for a zero begins: the largest number, and the least that has all its digits.
+_OVERFLOW = 350.0  # exponent above which an exponential counts as infinite
+SMALL_MATRIX = 8  # number of rows up to which a matrix is unrolled
+# Initial bounds of a search for a zero: the largest number, and the smallest normal number.
 _FARTHEST = 1.7976931348623157e308
 _NEAREST = 2.2250738585072014e-308
-_MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
-_SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
-_NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
+_MOST_TURNS = 240  # iterations of the search for a zero: enough for bisection to machine precision
+_SPREAD = 16.0  # ratio of the ends of a bracket below which Newton's method is tried
+_NEAR = 1e-9  # relative step of Newton's method after which rounding errors dominate
 Order = Count
 """A number, or the register of the loop."""
 

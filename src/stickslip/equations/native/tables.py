@@ -22,8 +22,8 @@ from stickslip.symbolic.scalars import ParameterExpressions, Scalar, Store, elem
 from stickslip.symbolic.tape import Instruction, Op, Scaled
 from stickslip.translator.assembly import POINTER, WHOLE, Register, WrongType, of_type
 
-FEWEST_REPETITIONS = 16  # repetitions that a loop is made for: fewer are as quick side by side
-_LONG_SUM = 32  # terms of a sum from which they are added up in groups
+FEWEST_REPETITIONS = 16  # smallest number of repetitions for a loop: fewer are as fast unrolled
+_LONG_SUM = 32  # number of terms above which a sum is added in groups
 
 
 class Whole(Register):

@@ -96,7 +96,7 @@ def read_request(text: str) -> Request:
     try:
         table = json.loads(text)
         if "\\u" in text:
-            json.dumps(table, ensure_ascii=False).encode()  # halves of characters cannot be sent on
+            json.dumps(table, ensure_ascii=False).encode()  # unpaired surrogates cannot be sent
         if _is_deep(table):
             raise ValueError
         said = _table(table, "message")

@@ -20,7 +20,7 @@ Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
 """Makes the scene of a motion from times, shape (n,), and states, forces and modes (``mode_KEY``)
 at these, shape (n,) each. It raises KeyError if it knows other coordinates."""
 _ROOM = "stickslip.explorer.drawings"
-# Systems that are drawn by hand, and where.
+# Systems with a dedicated drawing, and its module.
 DRAWN = {
     "rocking_toy": "toys:walking_toy",
     "rocking_toy_inertial": "toys:walking_toy",
@@ -56,7 +56,7 @@ def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
         try:
             return draw(motion, times, values)
         except KeyError:
-            pass  # a system of that name with other coordinates: somebody's own
+            pass  # a user's system with that name and other coordinates
     if system.structures and not system.coordinates:
         return structures_by_index(motion, times)
     above = bodies_from_above(motion, times, values) if system.planes else None

@@ -31,9 +31,9 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_MOST = 9  # coordinates that are drawn
-_APART = 2.4  # blocks
-_REACH = 0.75  # how far a block goes from its place
+_MOST = 9  # largest number of coordinates that are drawn
+_APART = 2.4  # distance between blocks
+_REACH = 0.75  # largest displacement of a block in the drawing
 _TALL = 0.9
 
 

@@ -75,7 +75,7 @@ class Scene:
         names: dict[bytes, str] = {}
 
         def pack(value: Course) -> float | str:
-            # What has no place stands in the middle; single precision is as exact as pixels.
+            # Undefined positions are drawn at the centre; single precision is as exact as pixels.
             seen = np.ascontiguousarray(value, np.float32)
             if not np.all(np.isfinite(seen)):
                 seen = np.nan_to_num(seen, posinf=0.0, neginf=0.0)

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.structures.coordinates import InModes
 
-_WIDTH, _TALL = 8.0, 3.0  # of the row of a structure
-_REACH = 0.95  # how far its largest displacement goes
-_MOST = 48  # points of a line
-_EACH = (1, 2, 3, 6)  # unknowns that a node may have
-_MODES = 4  # whose shapes show how many it has
+_WIDTH, _TALL = 8.0, 3.0  # width and height of the row of a structure
+_REACH = 0.95  # its largest displacement in the drawing
+_MOST = 48  # largest number of points of a line
+_EACH = (1, 2, 3, 6)  # possible numbers of unknowns of a node
+_MODES = 4  # number of modes whose shapes determine the number of unknowns of a node
 
 
 def structures_by_index(motion: Trajectory, times: Array) -> Scene:

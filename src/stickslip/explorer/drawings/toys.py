@@ -121,7 +121,7 @@ def woodpecker_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]
     drop = 14.0 * (values["y"] - values["y"][0])
     sleeve, bird = -2.0 * values["phi_M"], values["phi_S"]
     scene = Scene(6.0, 4.4, -2.2, 0.6, "A woodpecker that pecks its way down a pole")
-    # The picture goes down with the bird; the pole's marks go up.
+    # The drawing moves down with the bird; the marks on the pole move up.
     turn = drop % 0.8
     scene.add(box(0.22, 9.0, (0.0, -4.5), look="light"))
     for i in range(-6, 7):

@@ -26,7 +26,7 @@ from stickslip.explorer.drawings.parts import (
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_LEAD = 2.1  # how far in front of a block the end of its spring is drawn at rest
+_LEAD = 2.1  # distance from a block to the drawn end of its spring at rest
 
 
 def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
@@ -46,7 +46,7 @@ def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> 
     scene.add(disc(0.52, (x, 1.45), look="body"))
     scene.add(rod((x, 1.45), (x + 0.36 * np.sin(angle), 1.45 - 0.36 * np.cos(angle))))
     scene.add(disc(0.15, (x + 0.36 * np.sin(angle), 1.45 - 0.36 * np.cos(angle)), look="dark"))
-    # What the weight does to the normal force.
+    # Contribution of the imbalance to the normal force.
     lift = 0.5 * np.cos(angle)
     scene.add(arrow((x - 1.6, 1.45), (x - 1.6, 1.45 - lift)))
     return scene
@@ -61,7 +61,7 @@ def crawler(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Sc
     for x, key in ((hind, "hind_leg"), (front, "front_leg")):
         leg = ((-0.34, 0.12), (0.34, 0.12), (0.22, 1.0), (-0.22, 1.0))
         scene.add(polygon(leg, (x, 0.0)))
-        # Bristles that lean back: they hold against one direction more than against the other.
+        # Inclined bristles: they resist one direction more than the other.
         foot = ((-0.4, 0.0), (0.26, 0.0), (0.36, 0.14), (-0.34, 0.14))
         scene.add(polygon(foot, (x, 0.0), look="sole", contact=key))
     scene.add(spring((hind + 0.25, 0.75), (front - 0.25, 0.75), coils=10, width=0.2))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def wheel(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
     """A wheel of spokes, in the frame of the slope."""
     gamma, alpha = motion.parameters["gamma"], motion.parameters["alpha"]
-    lean = values["theta"] - gamma  # of the spoke on the ground, from the slope's normal
+    lean = values["theta"] - gamma  # angle of the spoke on the ground, from the slope's normal
     steps = _counted(motion, times)
     foot = 2.0 * np.sin(alpha) * steps
     hub = (foot + np.sin(lean), np.cos(lean))
@@ -46,7 +46,7 @@ def two_legs(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
     """Two legs and a hip, in the frame of the slope."""
     theta, phi = values["theta"], values["phi"]
     before, after = _impacts(motion, times, theta)
-    foot = before - after  # how far the stance foot has come
+    foot = before - after  # distance travelled by the stance foot
     hip = (foot - np.sin(theta), np.cos(theta))
     swing = (hip[0] - np.sin(phi - theta), hip[1] - np.cos(phi - theta))
     scene = on_ground(5.6, 2.6, -0.6, hip[0], "Two legs that walk down a slope")
@@ -105,6 +105,7 @@ def _impacts(motion: Trajectory, times: Array, theta: Array) -> tuple[Array, Arr
     at = motion.jumps["time"].to_numpy(float)
     if len(at) == 0:
         return np.zeros_like(times), np.zeros_like(times)
-    after = motion.at(at)["theta"]  # on the right of each strike, where it is −θ of before
+    # on the right side of each impact, where it is minus the previous θ
+    after = motion.at(at)["theta"]
     ways = np.concatenate([[0.0], np.cumsum(2.0 * np.sin(after))])
     return np.zeros_like(times), -ways[np.searchsorted(at, times, side="right")]

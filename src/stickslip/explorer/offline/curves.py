@@ -8,13 +8,13 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-# The letters of base64: two of them are a value between 0 and 4095, three a time.
+# The letters of base64: two encode a value between 0 and 4095, three a time.
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _TABLE = np.frombuffer(LETTERS.encode(), np.uint8)
-_VALUE, _TIME = 2, 3  # letters
+_VALUE, _TIME = 2, 3  # number of letters
 _FAR = 1e30
-_JUMP = 0.1  # of a range, between neighbouring samples
-_SAME = 1e-4  # of a range, within which two curves have the same shape
+_JUMP = 0.1  # fraction of a range between neighbouring samples above which a curve jumps
+_SAME = 1e-4  # fraction of a range within which two curves have the same shape
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Shapes:
         near : float
             Tolerance of straight lines between its samples, as a fraction of its range.
         """
-        # What is without bound, such as a threshold, is outside of any figure.
+        # Infinite values, such as those of a threshold, are outside of any figure.
         values = np.nan_to_num(values, posinf=_FAR, neginf=-_FAR)
         low, high = float(np.min(values)), float(np.max(values))
         if not high - low > 1e-12 * max(abs(low), abs(high)):

@@ -25,7 +25,7 @@ from stickslip.model.system import System
 from stickslip.progress import Show, reporting
 
 _FILES = Path(__file__).parents[1] / "page"
-# In the order in which they need each other.
+# In the order of their dependences.
 _SCRIPTS = ("offline", "mechanism", "offline-figures", "offline-controls")
 _STYLES = ("common", "offline")
 _MOST_TEXT = 60_000  # characters of a model file in a page

@@ -15,10 +15,11 @@ from stickslip.explorer.work.model import parameter_rows
 from stickslip.model.system import System
 from stickslip.sweeps.request.axes import read_axes
 
-_MOST_SLIDERS = 3  # whose values are combined
+_MOST_SLIDERS = 3  # largest number of sliders whose values are combined
 MOST_POINTS = 1000
-_STEPS = (4, 10)  # values of a slider for which none are given, besides the declared one
-_ALL_STEPS = 60  # of all sliders, where each parameter varies in turn
+# limits of the number of values of a slider without given values, besides the declared one
+_STEPS = (4, 10)
+_ALL_STEPS = 60  # number of values of all sliders, if only one parameter varies at a time
 _FORM = "Write it like V=0.05:0.4:15"
 
 
@@ -111,7 +112,7 @@ def _with_values(system: System, texts: Sequence[str], named: Sequence[str]) -> 
     """Axes by name; names alone have the values of their sliders."""
     from stickslip.sweeps.request.axes import axes_of_texts
 
-    # What is given with values is checked there; a name alone that is given twice, too.
+    # Entries with values are checked there, and so is a name without values that is given twice.
     doubled = [f"{text.strip()}=0" if text in named else text for text in texts]
     over: dict[str, Any] = dict(axes_of_texts(doubled))
     for text in named:

@@ -27,15 +27,17 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.progress import Show
 
-_ROWS = 4  # over the time
-_MOST_LINES = 6  # of a row
-_MOST_SHAPES = 24  # of a motion with its moving picture; of more, the picture is left out
-_NEAR = (6e-4, 2e-3)  # of the range of a curve: an eighth of a pixel of a figure, or half a pixel
-_ROUGH = 1.5e-2  # of the range of what moves in the picture
-_MOST_BYTES = 3_000_000  # of all motions of a page
-_SMALL = 1_000_000  # up to which curves are drawn more finely
-_FIRST = 6  # motions after which it is known how large the page will be
-_SECONDS = 5.0  # for a cycle
+_ROWS = 4  # rows over time
+_MOST_LINES = 6  # largest number of lines in a row
+# largest number of curves of a motion with its animation; with more, the animation is omitted
+_MOST_SHAPES = 24
+# error relative to the range of a curve: an eighth of a pixel of a figure, or half a pixel
+_NEAR = (6e-4, 2e-3)
+_ROUGH = 1.5e-2  # error relative to the range of the curves of the animation
+_MOST_BYTES = 3_000_000  # largest number of bytes of all motions of a page
+_SMALL = 1_000_000  # number of bytes up to which curves are stored with the smaller error
+_FIRST = 6  # number of motions after which the size of the page is estimated
+_SECONDS = 5.0  # computing time for a cycle
 
 
 @dataclass
@@ -81,7 +83,7 @@ def stored_motions(system: System, plan: Plan, show: Show) -> Stored:
     size = 0
     for number, given in enumerate(points):
         show(number / len(points), f"{number} of {len(points)}")
-        # Where one parameter varies at a time, all lines pass through the declared values.
+        # If one parameter varies at a time, all lines pass through the declared values.
         key = frozenset({**system.values, **system.initial, **given}.items())
         if key not in known:
             known[key] = len(stored.records)

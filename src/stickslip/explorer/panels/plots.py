@@ -28,9 +28,8 @@ from bokeh.models import (
 if TYPE_CHECKING:
     from bokeh.models.glyph import Glyph
 
-# The page writes numbers.
-_TICK = "return explorer.tick(tick, ticks)"
-_LEFT = 58  # pixels beside every figure, so that those below each other agree
+_TICK = "return explorer.tick(tick, ticks)"  # The page formats numbers.
+_LEFT = 58  # pixels to the left of every figure, so that figures below each other are aligned
 
 
 class Panel:

@@ -35,7 +35,7 @@ from stickslip.explorer.serving.wire import WIRE
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 _ROUTES = re.compile(r"(/|/ws|/static/js/bokeh[a-z-]*\.min\.js|/favicon\.ico)\Z")
 _FULL = "Too many pages are open. Close some of them and reload this one."
-# characters of a message: a question, quoted, and what stands around it
+# characters of a message: a quoted request and its envelope
 _MOST_RECEIVED = 2 * MOST_MESSAGE + 10_000
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <meta name="viewport" content="width=device-width"><title>stickslip</title>
@@ -44,7 +44,7 @@ _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <h1>{title}</h1><p>{reason}</p></html>"""
 
 
-# What is overridden below and is not part of Bokeh's documented interface.
+# Overridden methods that are not part of Bokeh's documented interface.
 OVERRIDDEN = {
     WSHandler: ("_async_open", "_receive", "_handle", "_internal_error", "_protocol_error"),
     BokehTornado: ("find_handler", "get_handler_delegate", "get_sessions", "log_request"),
@@ -186,7 +186,7 @@ class QuestionHandler(WSHandler):
             document = connection.session.document
             message.content = {"events": questions_in(message.content, document)}
             if not message.content["events"]:
-                return connection.ok(message)  # as of ranges, which the server need not know
+                return connection.ok(message)  # ranges are not needed here
         elif message.msgtype not in ("PULL-DOC-REQ", "SERVER-INFO-REQ"):
             return connection.error(message, "This kind of message is not supported.")
         reply = await super()._handle(message)
@@ -260,7 +260,7 @@ class Guarded(BokehTornado):
         self.most_pages = most_pages
         # Requests of pages that are being made: their sessions do not exist yet.
         self._opening = WeakSet[HTTPServerRequest]()
-        # Which connection a page has.
+        # The connection of each page.
         self._connected = WeakValueDictionary[str, WSHandler]()
         # When pages connected, as long as their tokens are valid.
         self._entered = dict[str, float]()

@@ -25,7 +25,7 @@ from stickslip.explorer.serving.session import Session
 from stickslip.explorer.serving.wire import WIRE, Wire
 
 _FILES = Path(__file__).parents[1] / "page"
-# In the order in which they need each other.
+# In the order of their dependences.
 SCRIPTS = (
     *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock"),
     *("takeaway", "branches", "map", "friction", "evolution", "data", "start"),
@@ -54,8 +54,8 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
         models = models_of([make_panel() for make_panel in PANELS])
         wire = Wire(name=WIRE)
         plots = [model for model in models.values() if isinstance(model, Plot)]
-        plots[0].tags = [wire]  # which makes it part of the document
-        with document.models.freeze():  # to look at all of them once
+        plots[0].tags = [wire]  # makes it part of the document
+        with document.models.freeze():  # one pass over all models
             for plot in plots:
                 document.add_root(plot)
         document.title = "stickslip explorer"

@@ -29,9 +29,9 @@ from stickslip.explorer.asking.answer import (
 from stickslip.explorer.asking.limits import COMPILING, LONGEST, MOST_LANES, MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import Request
 
-_GRACE = 2.0  # seconds that a worker may take to give something up
-_TICK = 0.25  # seconds between looks at the clock
-_QUICK = "motion"  # a worker is kept free for this
+_GRACE = 2.0  # seconds that a worker has to stop a task
+_TICK = 0.25  # seconds between checks of the time
+_QUICK = "motion"  # kind of request for which a worker is kept free
 _COMPILING = Answer({"compiling": True})
 Reply = Callable[[Answer | None, bool], None]
 InLoop = Callable[[Callable[[], None]], Any]

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 HERE = "127.0.0.1"
-_WAITING = 4096  # connections that wait to be accepted; the system may allow fewer
+_WAITING = 4096  # connections that wait for acceptance; the system may allow fewer
 _PORT = 5106  # tried first, so that links in a notebook or a lecture stay the same
-_KEEP = 4_000  # ms that the work of a page whose connection broke is kept
+_KEEP = 4_000  # ms for which the work of a page with a broken connection is kept
 _CHECK = 1_500  # ms
 
 

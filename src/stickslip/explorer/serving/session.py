@@ -18,7 +18,7 @@ from stickslip.explorer.serving.pool import Job, WorkerPool
 from stickslip.explorer.serving.wire import Wire
 
 _CANCEL = "cancel"
-_MOST_WAITING = 200  # answers that a page has not taken yet
+_MOST_WAITING = 200  # largest number of answers that a page has not received yet
 
 
 class Session:

@@ -13,9 +13,10 @@ from stickslip.arrays import Array
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_FINE = 6000  # even times at which every motion is looked at
-_TURNS = (90, 220)  # of a line, up to which every fourth, or second, of these shows it as well
-_COLUMNS = 700  # of a screen, in which extremes are kept of what is longer
+_FINE = 6000  # number of equidistant samples of every motion
+# numbers of extrema of a line up to which every fourth, or every second sample suffices
+_TURNS = (90, 220)
+_COLUMNS = 700  # columns of a screen, in which extremes of longer motions are kept
 _MOST_KNOTS = 3000
 
 

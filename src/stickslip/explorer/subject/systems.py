@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.cycles.cycle import Cycle
 
-_KEPT = 8  # motions
+_KEPT = 8  # number of motions that are kept
 _MOTIONS: dict[tuple[object, ...], Trajectory] = {}
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch
     from stickslip.orbits.continuation.driver import PointOnTheWay, Tell
 
-_STEP_APART = 1e-9  # of a range, by which its ends are kept off the value in the middle
+_STEP_APART = 1e-9  # fraction of a range by which its ends differ from the value in the middle
 _EVERY = 0.04  # seconds between two messages with new points
 
 

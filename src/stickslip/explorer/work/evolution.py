@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 _LARGEST = 40  # components of an evolution that a page computes
 _SHOWN = 6  # components that are drawn
 _TIMES = 2000
-_PHASES = 256  # at which K(s) is looked at
-_SETS = 12  # of these that are drawn in the plane
+_PHASES = 256  # number of phases at which K(s) is evaluated
+_SETS = 12  # number of these sets that are drawn in the plane
 _RAYS = 360  # points of a boundary
 
 

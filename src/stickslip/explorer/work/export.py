@@ -60,7 +60,7 @@ def python_of(setting: PageSetting) -> str:
         lines.append(f"system = ss.load({_quoted(file_named(system.name))})  # the model file")
     else:
         given = {n: v for n, v in setting.values.items() if isinstance(v, str)}
-        # The name is one of the catalogue, and the others are of its parameters, by system_of.
+        # system_of ensures that the name is in the catalogue and the others are its parameters.
         values = ", ".join(f"{name}={_quoted(value)}" for name, value in given.items())
         lines.append(f"system = ss.catalogue.{setting.model}({values})")
     start, end = shown_span(system, setting)

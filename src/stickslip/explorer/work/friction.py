@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _SAMPLES = 1600
-_MOST = 6  # contacts that are shown
+_MOST = 6  # largest number of contacts that are shown
 
 
 def effective_friction(request: Request, cancellation: Cancellation) -> Iterator[Answer]:

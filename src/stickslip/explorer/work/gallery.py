@@ -17,8 +17,8 @@ from stickslip.motion.simulate import simulate
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
 
-_PLACE = 0.37  # of a short motion, where something is to be seen
-_PART = 0.15  # of the usual span
+_PLACE = 0.37  # position in a short motion at which it is drawn, as a fraction of it
+_PART = 0.15  # length of it as a fraction of the usual span
 
 
 def draw_gallery(request: Request, cancellation: Cancellation) -> Iterator[Answer]:

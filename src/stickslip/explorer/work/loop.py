@@ -99,7 +99,7 @@ Answerer = Callable[[Request, Cancellation], Iterator[Answer]]
 def serve_pipe() -> None:
     """Answer until the pipe is closed."""
     source, sink = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    # Whatever else is printed goes nowhere near the answers.
+    # Other output is redirected, so that it does not mix with the answers.
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the pipe

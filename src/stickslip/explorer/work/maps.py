@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
 
 _ROUNDS = (9, 17, 33, 65)  # points along each axis
-_GOES_ON = 200  # of the command that goes on
+_GOES_ON = 200  # number of values per axis in the command that continues the map
 
 
 def fill_map(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
@@ -44,7 +44,7 @@ def fill_map(request: Request, cancellation: Cancellation) -> Iterator[Answer]:
     if axes[0][0] == axes[1][0]:
         raise DeclarationError("map", "the two axes are the same", "Choose two parameters")
     measure = request.text("measure", "amplitude")
-    # Names only: the library would also read Python files here.
+    # Names only: otherwise the library would also read Python files.
     if measure not in (known := offered_measures(own)):
         raise DeclarationError(
             "measure", f"unknown measure '{short(measure)}'", suggestion(measure, known)

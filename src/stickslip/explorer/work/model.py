@@ -23,8 +23,9 @@ from stickslip.symbolic.formulas import parse_signature
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
 
-_DIVISIONS = 200  # of a slider
-_MOST_UNKNOWNS = 8  # of a structure, with places and rates to start from
+_DIVISIONS = 200  # number of steps of a slider
+# largest number of unknowns of a structure with initial displacements and velocities
+_MOST_UNKNOWNS = 8
 _GRAPH = 81  # points of the small graph of a function
 
 
@@ -84,7 +85,7 @@ def _slider(
     first = low if math.isfinite(low) else -reach
     last = high if math.isfinite(high) else max(reach, first + reach)
     step = _step(last - first)
-    # An open end is no value.
+    # The end of an open interval is not an admissible value.
     if math.isfinite(low) and not closed[0]:
         first = low + step if low != 0.0 else step
     if math.isfinite(high) and not closed[1]:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
     from stickslip.motion.trajectory import Trajectory
 
-_MOST_LINES = 40  # that go to a page
-_SOON = 0.04  # seconds in which a newer motion may be asked for before this one is certified
+_MOST_LINES = 40  # largest number of lines that are sent to a page
+_SOON = 0.04  # seconds to wait for a request of a newer motion before this one is certified
 _STICKS = 0
 
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Cancellation
     from stickslip.motion.trajectory import Trajectory
 
-_TURN = 1200  # points of a cycle
-_MOST = 2000  # points of a section
+_TURN = 1200  # number of samples of a cycle, besides its knots
+_MOST = 2000  # largest number of points of a section
 
 
 def long_run_in_plane(request: Request, cancellation: Cancellation) -> Iterator[Answer]:

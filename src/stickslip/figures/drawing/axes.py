@@ -15,7 +15,7 @@ from stickslip.figures.drawing.style import (
 
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
 MANY_LINES = 4
-_ROOM = 16  # letters of the names that a panel has room for beside its axis
+_ROOM = 16  # number of letters of the names that fit next to the axis of a panel
 
 
 def label_of_several(names: Sequence[str], unit: str) -> str:

@@ -61,10 +61,11 @@ REGIMES: Mapping[Outcome, str] = {
 UNCERTAIN = "/"
 """Hatching of whatever else is shown without a certificate."""
 
-_INCH = 6  # lines of a hatch in an inch, for each letter that stands for it
-_FINEST = 5  # letters; more would be black
-_ACROSS = 1.5  # lines through a cell, at least, unless they are too fine
-_THIN, _HALO = 0.6, 2.2  # of lines and of the white around them, which shows on dark colours
+_INCH = 6  # lines of a hatch per inch, for each letter of its pattern
+_FINEST = 5  # largest number of letters; more would be black
+_ACROSS = 1.5  # smallest number of lines through a cell, unless they are too fine
+# widths of lines and of the white around them, for contrast on dark colours
+_THIN, _HALO = 0.6, 2.2
 
 
 def cell_edges(values: Array, log: bool = False) -> Array:
@@ -149,7 +150,7 @@ def doubtful(data: xarray.Dataset, name: str) -> dict[str, Array]:
     outcome = data["outcome"].values
     found = {hatch: outcome == kind.code for kind, hatch in HATCHES.items()}
     rest = uncertified(data, name) & (outcome != NOT_COMPUTED)
-    if name == "outcome" and "lacking" in data:  # of what has stopped the colour says enough
+    if name == "outcome" and "lacking" in data:  # for those that have stopped the colour suffices
         rest &= data["lacking"].values != MISSING.index("result")
     for here in found.values():
         rest &= ~here

@@ -66,7 +66,7 @@ def axis_text(data: xarray.Dataset, names: list[str]) -> str:
     """Meaning, symbols and unit of the quantity of an axis."""
     meaning = str(data[names[0]].attrs.get("long_name", ""))
     label = axis_label(names, axis_unit(data, names[0]))
-    if len(names[0]) > 2 and names[0] in meaning.split():  # a word, and no symbol
+    if len(names[0]) > 2 and names[0] in meaning.split():  # a word, not a symbol
         return meaning + label.removeprefix(axis_label(names, ""))
     return f"{meaning} {label}" if meaning and meaning != names[0] and len(meaning) <= 40 else label
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from stickslip.figures.drawing.style import paper_style
 from stickslip.page import Html, image, paragraph
 
-_DOTS = 100  # per inch, on a screen
+_DOTS = 100  # dots per inch on a screen
 
 
 def embedded(draw: Callable[[], Figure]) -> Html:
@@ -22,6 +22,6 @@ def embedded(draw: Callable[[], Figure]) -> Html:
     try:
         with paper_style():
             draw().savefig(buffer, format="png", dpi=_DOTS)
-    except Exception as error:  # whatever it is, it says nothing about the result
+    except Exception as error:  # an error of the figure does not affect the result
         return paragraph(f"the picture could not be drawn ({type(error).__name__}: {error})")
     return image(buffer.getvalue())

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from stickslip.model.declaration import DryContact
     from stickslip.motion.trajectory import Trajectory
 
-_SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
+_SAME = 1e-3  # relative change of a threshold up to which it is drawn as one line
 _ROUND = 181  # points of an ellipse
-_FINE = 1441  # and of what a formula makes
-_SPHERE = 4001  # directions of a face
+_FINE = 1441  # … and of a curve from a formula
+_SPHERE = 4001  # number of directions of a face
 
 
 @dataclass(frozen=True)

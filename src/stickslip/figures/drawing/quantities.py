@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _WIDTH = 7.2
 _ROW = 1.9
 _EXTRA = 0.8
-_LETTERS = 24  # of a label beside a panel, in a line
+_LETTERS = 24  # letters per line of the label of a panel
 
 
 def plot_quantities(

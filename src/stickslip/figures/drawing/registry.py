@@ -38,7 +38,7 @@ def register(kind: type[Result]) -> Callable[[_Draw], _Draw]:
     def add(function: _Draw) -> _Draw:
         name = function.__name__
         own = _drawn.setdefault(kind, {})
-        # A module that is run again brings its functions again.
+        # A module that is run again registers its functions again.
         if name in own and own[name].__module__ != function.__module__:
             raise DeclarationError(
                 f"figure '{name}'",

@@ -15,11 +15,11 @@ from stickslip.model.quantities import of_modes
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SAMPLES = 6000  # over the whole time
-_POINTS = (16, 64)  # on each step, the more the fewer steps there are
-MOST_DRAWN = 1_000_000  # of a motion
-_MOST_SAMPLES = 16_000_000  # of a motion
-_AT_ONCE = 64_000  # samples taken in one go
+_SAMPLES = 6000  # number of samples of a motion
+_POINTS = (16, 64)  # samples of each step: more if there are fewer steps
+MOST_DRAWN = 1_000_000  # largest number of steps of a motion that are drawn
+_MOST_SAMPLES = 16_000_000  # largest number of samples of a motion
+_AT_ONCE = 64_000  # number of samples that are evaluated together
 
 
 def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-PIECES = 12  # of the curve between two points
+PIECES = 12  # number of pieces of the curve between two points
 
 
 def smooth_curve(x: Array, y: Array, corners: Array) -> tuple[Array, Array]:

@@ -86,14 +86,15 @@ __all__ = [
     "symbol",
 ]
 
-_TOLD = 1e-5  # part of the numbers on an axis that it shows, from which on they stand in full
-_SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
-_BETWEEN = (1.0, 2.0, 5.0)  # parts of a power of ten that are labelled
+_TOLD = 1e-5  # relative range of the numbers on an axis above which they are written in full
+# numbers on an axis beyond which powers of ten are written with the unit
+_SMALL, _LARGE = 1e-2, 1e5
+_BETWEEN = (1.0, 2.0, 5.0)  # multiples of a power of ten that are labelled
 _LETTER = 0.6  # width of a letter, relative to its size
 _TITLE = 2.0  # points between a legend and the title above it
-_LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
+_LAID_OUT = 0.95  # smallest fraction of the width of axes after layout
 
-# Sizes are for a picture of full text width; at half that size the smallest letters are still 5
+# Sizes are for a figure of full text width; at half that size the smallest letters are still 5
 # points.
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -263,7 +264,7 @@ def powers_in_labels(figure: Figure) -> None:
     """Write powers of ten of very large and very small numbers with the unit, as in x [10⁻⁶ m], not
     at the end of the axis, where they may overlap."""
     for axes in figure.axes:
-        axes.apply_aspect()  # which may widen what is seen
+        axes.apply_aspect()  # may change the limits
         for axis in (axes.xaxis, axes.yaxis):
             low, high = axis.get_view_interval()
             largest = max(abs(low), abs(high))

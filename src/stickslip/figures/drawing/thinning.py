@@ -19,11 +19,11 @@ from matplotlib.transforms import Transform
 
 from stickslip.arrays import Array
 
-COLUMNS = 2000  # of a time axis
-FEW = 20 * COLUMNS  # samples that are drawn one by one
+COLUMNS = 2000  # number of columns of a time axis
+FEW = 20 * COLUMNS  # number of samples up to which all are drawn
 _FEW_PHASES = COLUMNS // 4
-PIXELS = 1024  # across a plane
-MOST_PIECES = 100_000  # of a curve
+PIXELS = 1024  # pixels per side of a plane
+MOST_PIECES = 100_000  # largest number of pieces of a curve
 
 
 class Columns:

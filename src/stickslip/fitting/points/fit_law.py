@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 _CONTACT = "law"
 _FORCE = "F"  # the column of the forces
 _RESTING = "Remove the point, or fix F_s by parameters={'F_s': ...}"
-_EASILY = 0.25  # of the speeds, the share below which friction falls where a search begins
-_HELD = 1.05  # of the largest force, what is held at rest where a search begins
-_VISCOUS = 0.1  # of it, what the largest speed adds
+_EASILY = 0.25  # initial Stribeck speed, relative to the median speed
+_HELD = 1.05  # initial static friction, relative to the largest force
+_VISCOUS = 0.1  # initial viscous force at the largest speed, relative to the largest force
 
 
 class LawFit(Fit):

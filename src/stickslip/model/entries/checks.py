@@ -13,7 +13,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
-_MOST_FULL = 2000  # coordinates up to which eigenvalues of a full matrix are asked for
+_MOST_FULL = 2000  # number of coordinates up to which eigenvalues of a full matrix are computed
 
 
 def quadratic_form(
@@ -159,7 +159,7 @@ def jumps_through(
     slope = ex.derivative(guard, name)
     here = {x: start[x] for x in sorted(formula.symbols | guard.symbols)}
     found = []
-    for k in (0, 1, -1):  # beside the start, where there may happen to be no jump
+    for k in (0, 1, -1):  # also near the start: at the start itself the jump may vanish
         moving = enumerate(sorted(here.keys() - held))
         at = {**here, **{x: here[x] + 0.1 * k * (i + 3) for i, x in moving}, name: 0.0}
         steep = ex.evaluate(slope, at)
@@ -266,8 +266,8 @@ def are_dependent(directions: Sequence[Mapping[str, Expr]]) -> bool:
     names = sorted({x for direction in directions for x in direction})
     entries = [[direction.get(x, ex.ZERO) for x in names] for direction in directions]
     symbols = sorted({x for row in entries for e in row for x in e.symbols})
-    # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
-    # not special.
+    # Parameters may be zero until a motion is requested, so the rank is evaluated at a generic
+    # point.
     rng = np.random.default_rng(0)
     place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
     J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])

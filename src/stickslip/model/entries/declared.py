@@ -514,11 +514,11 @@ class Entries(Generic[E]):
         self.name = name
 
     def __get__(self, instance: object, owner: type | None = None) -> Mapping[str, E]:
-        # A dataclass asks the class for the default of the field.
+        # A dataclass reads the default of the field from the class.
         return _NO_ENTRIES if instance is None else instance.__dict__[self.name]
 
     def __set__(self, instance: object, value: Mapping[str, E | Formula]) -> None:
-        # What is not a table is refused with the rest of the declaration.
+        # Other types are rejected with the rest of the declaration.
         table = cast(Any, value)
         if isinstance(value, Mapping):
             table = {name: self._entry(entry) for name, entry in value.items()}

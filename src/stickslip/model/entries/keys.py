@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-NORMAL = "normal_"  # what names of normal forces begin with, and those of contacts do not
-JOINED = " + "  # between the names of contacts that are one, which no name has
+NORMAL = "normal_"  # prefix of the names of normal forces; names of contacts do not begin with it
+JOINED = " + "  # between the names of combined contacts; names do not contain it
 
 
 def key_of(name: str) -> str:

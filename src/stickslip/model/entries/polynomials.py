@@ -32,10 +32,11 @@ if TYPE_CHECKING:
 
 
 SIDES = ("even", "odd", "gate")
-NEAR_SAMPLE = 16.0 * ONE_ULP  # part of the largest time within which a time is that of a sample
+# relative to the largest time: a time this close to a sample is that of the sample
+NEAR_SAMPLE = 16.0 * ONE_ULP
 
-INTEGRAL = "integral_"  # what the name of an integral begins with
-_END = 1e-9  # part of the largest break within which a place is at an end of a table
+INTEGRAL = "integral_"  # prefix of the name of an integral
+_END = 1e-9  # relative to the largest break: a point this close to an end of a table is at the end
 
 LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 

@@ -45,13 +45,13 @@ if TYPE_CHECKING:
 
 SampleKind = Literal["linear", "cubic", "hold"]
 SAMPLE_KINDS: tuple[SampleKind, ...] = ("linear", "cubic", "hold")
-_LISTED = 50  # samples that a model file lists
-_EVEN = 0.9  # part of the steps of a record that are alike where it is one of even steps
-_ALIKE = 0.01  # relative
-_GAP = 1.5  # steps, from which on something is missing
-_STORED = 200_000  # … and that it holds
-_MOST_NOISE = 50_000_000  # samples
-_FINEST = 1e-12  # part of the largest time that two samples are apart at least
+_LISTED = 50  # number of samples up to which a model file lists them
+_EVEN = 0.9  # fraction of equal steps above which a record is regarded as equidistant
+_ALIKE = 0.01  # relative difference of equal steps
+_GAP = 1.5  # number of steps above which samples are missing
+_STORED = 200_000  # … and up to which it stores them
+_MOST_NOISE = 50_000_000  # largest number of samples
+_FINEST = 1e-12  # smallest distance of two samples relative to the largest time
 
 
 class Samples(TimeFunction):

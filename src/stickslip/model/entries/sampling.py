@@ -13,9 +13,9 @@ from fractions import Fraction
 from functools import reduce
 from typing import NamedTuple
 
-_LARGEST = 1000  # denominator of a ratio of periods
-_RATIO = 1e-12  # a ratio is rational up to this part
-_FINEST = 64  # the common period is at least this part of the shortest one
+_LARGEST = 1000  # largest denominator of a ratio of periods
+_RATIO = 1e-12  # relative error of a ratio that is regarded as rational
+_FINEST = 64  # smallest ratio of the common period to the shortest one
 
 
 class Sampling(NamedTuple):

@@ -100,7 +100,7 @@ class SurfaceFunction(TableFunction):
                     )
                 )
             )
-        # The outer select is what sums of which it is a term keep together.
+        # Sums combine their terms by the outer select.
         return _by_piece(gates[1], y, *sides)
 
 

@@ -65,8 +65,8 @@ TableKind = Literal["linear", "pchip", "cubic"]
 Outside = Literal["refused", "constant", "linear"]
 TABLE_KINDS: tuple[TableKind, ...] = ("linear", "pchip", "cubic")
 OUTSIDE: tuple[Outside, ...] = ("refused", "constant", "linear")
-_LISTED = 50  # numbers that a model file lists
-_MOST_FORMULAS = 100  # values that are formulas
+_LISTED = 50  # number of values up to which a model file lists them
+_MOST_FORMULAS = 100  # largest number of values that are formulas
 _EVERYWHERE = (-math.inf, math.inf)
 
 

@@ -24,7 +24,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 _MOST_BYTES = 2_000_000_000
 _SEPARATORS = (",", ";", "\t", None)
 ENDINGS = (".at2", ".vt2", ".dt2")
-_HEADING = 4  # lines before the values
+_HEADING = 4  # largest number of lines before the values
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?"
 _FORMS = (
     re.compile(rf"NPTS\s*=\s*(?P<count>\d+)\s*,?\s*DT\s*=\s*(?P<step>{_NUMBER})", re.IGNORECASE),

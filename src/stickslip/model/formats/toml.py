@@ -17,10 +17,10 @@ from stickslip.model.formats.expected import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
 _MOST_OF_FILE = 200_000_000
-_PACKED = re.compile(r'packed = "[A-Za-z0-9+/=]*"')  # samples, read at once
+_PACKED = re.compile(r'packed = "[A-Za-z0-9+/=]*"')  # packed samples, which are read in one step
 _LONG_LINE = 150
 
-# The time that tomllib needs grows with the square of the number of parts of a key.
+# The time that tomllib takes grows with the square of the number of parts of a key.
 _DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PLAIN_TEXT = re.compile(r"[A-Za-z0-9+/= ]*\Z")
@@ -193,7 +193,7 @@ def parse(text: str) -> dict[str, Any]:
             "", f"a key has too many parts (line {line})", "Use at most three parts"
         )
     try:
-        # With an end of line at the end, every place in the text is in some line.
+        # With a final newline, every position in the text is in some line.
         return tomllib.loads(text + "\n")
     except tomllib.TOMLDecodeError as error:
         raise DeclarationError("", *_toml_error(str(error), text)) from None
@@ -293,7 +293,7 @@ def as_toml(data: Any, groups: Sequence[str]) -> str:
 
 def _is_default(entry: Any, value: Any) -> bool:
     default = entry.default if entry.default_factory is MISSING else entry.default_factory()
-    # 1, 1.0 and "1" are different things to say, and so is what is given as the default is.
+    # 1, 1.0 and "1" are written differently: only the exact form of the default is omitted.
     return type(value) is type(default) and repr(value) == repr(default)
 
 
@@ -351,7 +351,7 @@ def _key(name: str) -> str:
 
 
 def _text(text: str) -> str:
-    if _PLAIN_TEXT.match(text):  # at once: what is packed is long
+    if _PLAIN_TEXT.match(text):  # one match for the entire text: packed samples are long
         return f'"{text}"'
     if "\\" in text and not re.search(r"['\x00-\x08\x0a-\x1f\x7f]", text):
         return f"'{text}'"

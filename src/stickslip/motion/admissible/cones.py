@@ -19,11 +19,11 @@ from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
-# Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their
-# sum, and its size, in which rays may cancel; 1 for a normal force that there may be; by link, the
-# least and the largest friction of a unit of the normal force; by contact, those of the threshold
-# (in a plane, the largest along each axis; the least is the largest where the friction is given);
-# the weight with which the threshold is wanted, and what is left of it.
+# Rows of Space.cones, by contact: the requested velocity; its remainder after the forces; their
+# sum, and its size, in which rays may cancel; 1 for a possible normal force; by link, the smallest
+# and the largest friction per unit of the normal force; by contact, those of the threshold (in a
+# plane, the largest along each axis; the smallest equals the largest if the friction is given); the
+# weight of the threshold, and its remainder.
 (
     WANTED,
     LEFT,
@@ -38,13 +38,12 @@ from stickslip.translator import compiled
     LEFT_ALONE,
 ) = range(11)
 _OF_A_FIT = 11
-# Rows that only forces need (:mod:`stickslip.motion.audit.forces`): what a contact does, and the
-# size of its force; its force in the mode; a force that others come on top of; by link,
-# coefficients of friction; and by contact, differences to the force in the mode, at both ends of a
-# piece.
+# Rows that only forces need (:mod:`stickslip.motion.audit.forces`): the state of a contact, and the
+# size of its force; its force in the mode; a force added to by others; by link, coefficients of
+# friction; and by contact, differences from the force in the mode, at both ends of a piece.
 RESTS, FORCE_SIZE, IN_MODE, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
-_FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
-_MOST_RAYS = 60  # tried for each contact
+_FLAT = 16.0 * EPSILON  # remainder relative to the requested force below which it is zero
+_MOST_RAYS = 60  # largest number of rays for each contact
 
 
 @compiled()
@@ -128,7 +127,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
             ray[c], ray[o] = f, g
             continue
-        # The point of an ellipse with semi-axes f and g that is farthest along what is left.
+        # The point of an ellipse with semi-axes f and g that is farthest along the remainder.
         x, y = f * cones[LEFT, c], g * cones[LEFT, o]
         size = math.hypot(x, y)
         if size > 0.0:
@@ -191,7 +190,7 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
                 shares[i, j] = product_of(rows, space, i, j)
             shares[i, number] = falls_along(rows, space, i)
         if not solve_equations(shares, number):
-            return number - 1, False  # the last is made of the others
+            return number - 1, False  # the last one is a combination of the others
         part = 1.0
         first = -1
         for j in range(number):

@@ -69,9 +69,9 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # HOLDS_FORWARD and HOLDS_BACK how much friction holds.
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
 NEAR, MODE_BEFORE, CHOSEN = range(3)
-MOST_MODES = 65536  # that are ever tried
-_MOST_TURNS = 60  # of directions in planes
-_HOLDS = 1e-8  # part of the largest velocity that what is held may have
+MOST_MODES = 65536  # largest number of modes that are tried
+_MOST_TURNS = 60  # largest number of iterations for the directions in planes
+_HOLDS = 1e-8  # velocity of a held contact relative to the largest velocity
 
 
 @compiled()
@@ -133,7 +133,7 @@ def put_friction(rows: Rows, space: Space) -> None:
             back = back or work[BEFORE, i] < -slow
         alone = len(block) == 1
         if not alone:
-            # In a plane a slip has no sense, and nothing is turned back.
+            # In a plane a slip has no sign and cannot reverse.
             forward = back = forward or back
         for side in range(2):
             slid, turned = (forward, back) if side == 0 else (back, forward)
@@ -280,9 +280,9 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         f, g = axes_in(rows, work, FORWARD, c)
         if not friction_of(rows, work, FORWARD, c) > 0.0:
             continue
-        # All that press a contact in a plane do it with one coefficient.
+        # All normal forces of a contact in a plane have the same coefficient.
         pressed = friction_of(rows, work, FORWARD, c) / f
-        # w + D n, which is the same whatever n is
+        # w + D n, the same for every n
         n, m = work[SENSE, c], work[SENSE, o]
         a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
         x = f * moved_on(work, c) + a * n + b * m
@@ -535,7 +535,8 @@ def largest_jump(rows: Rows, work: Array) -> float:
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     """A first guess of the mode after an impact: contacts that have rebounded are open; the others
     are closed, and stick if they are at rest."""
-    # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
+    # Rounding errors are relative to the jump, not to the speed at which a contact continues to
+    # slide.
     largest = largest_jump(rows, work)
     for c in rows.openings:
         if tried[NEAR, c] == 1:

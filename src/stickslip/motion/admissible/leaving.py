@@ -46,10 +46,10 @@ from stickslip.motion.steps.contacts import directions_of, inertial_contacts, se
 from stickslip.motion.steps.sets import MOVED, force_terms, radius_at, support_at
 from stickslip.translator import compiled
 
-_PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
+_PROVED = 1e-11  # violation of a rest between control points relative to the thresholds
 _SOON = 1e-3  # fraction of a step
-_JUST_BEFORE = 1e-9  # part of a time by which an earlier one is asked
-_MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
+_JUST_BEFORE = 1e-9  # relative step back to an earlier time at which rest is tested
+_MOST_CUTS = 40  # largest number of mechanisms tried in the search for the one that begins
 
 
 @compiled(brief=True)
@@ -93,12 +93,12 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             place, fails = holds_until(flow, mode, group, rank, N - 1, end, _PROVED)
             if not fails:
                 if place < end:
-                    # No more is proved: what rests is asked again there.
+                    # No more is proved: bodies at rest are tested again there.
                     place_end(flow, place)
                     size = place
                     leaves = True
                 break
-            # Where a mechanism just begins, rounding errors decide whether all can be held.
+            # When a mechanism just begins, rounding errors decide whether all contacts can be held.
             end = place if place < end else (1.0 - _JUST_BEFORE) * end
             continue
         size, fastest = place_guard(flow, mode, group, rank)
@@ -161,7 +161,7 @@ def find_leaving_turned(flow: Flow, mode: Array, group: int, lack: float) -> boo
             break
         proved, fails = turned_until(flow, mode, group, d, proved, end, _PROVED)
     if not fails <= end and start < proved < end:
-        # No more is proved: what rests is asked again there.
+        # No more is proved: bodies at rest are tested again there.
         for c in range(flow.rows.sizes[ON_INERTIAL]):
             if sticks_in(flow.rows, mode, c, group):
                 flow.space.leaving[c] = STAYS

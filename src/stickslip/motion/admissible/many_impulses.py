@@ -64,19 +64,20 @@ from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.translator import compiled
 
-# More rows of Space.impact: impulses of relaxation; how hard slips in planes are to turn.
+# More rows of Space.impact: impulses of relaxation; stiffness of the rotation of slips in planes.
 _RELAXED, _TURNS = range(15, 17)
-# More rows of Space.tried: what slips although it was at rest; and the places of unknowns among the
-# equations.
+# More rows of Space.tried: contacts that slip although they were at rest; and the positions of
+# unknowns among the equations.
 _RELEASED, _PLACE = 3, 5
-_YIELDS = 1e-6  # part of its own response by which each of many contacts yields
-_WRONG = 1e-12  # part of the largest by which something has the wrong sign
-_PATIENCE = 6  # times that all wrong modes are changed together while they do not become fewer
-_FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
+_YIELDS = 1e-6  # compliance of each of many contacts, relative to its own response
+_WRONG = 1e-12  # relative to the largest: smaller values do not have the wrong sign
+_PATIENCE = 6  # times that all wrong modes are changed together although their number does not fall
+_FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # number of relaxation sweeps
 _EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
 _EXACT, _NEARLY, _HOLDS = 1e-15, 1e-12, 1e-10
-_STRAIGHT = 1e-3  # turn of slips in planes that is small
-_REGULAR = 1e-12  # of the product of its diagonal: the determinant of two contacts that differ
+_STRAIGHT = 1e-3  # largest rotation of slips in planes that counts as small
+# smallest determinant of two distinct contacts, relative to the product of its diagonal
+_REGULAR = 1e-12
 
 
 @compiled()
@@ -374,7 +375,7 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
             system[row, k] = 0.0
         moved = moved_on(work, c)
         if mode[c] != 0:
-            # what is left across a slip in a plane
+            # change of velocity that remains across a slip in a plane
             o = second_of(rows, c)
             f, g = axes_of(rows, space, c)
             moved = g * work[SENSE, c] * moved_on(work, o) - f * work[SENSE, o] * moved
@@ -534,7 +535,7 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
     work = space.impact
     moved = moved_on(work, c)
     found = mode[c]
-    # What rubs under normal forces that have no impulse has any mode.
+    # Friction under normal forces without an impulse may have any mode.
     if not is_free(rows, space.tried, mode, c):
         if len(directions_of(rows, c)) > 1:
             found = right_mode_in_plane(rows, space, mode, c, strong, fast)

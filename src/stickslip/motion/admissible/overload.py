@@ -38,12 +38,12 @@ from stickslip.motion.steps.sets import (
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
-_FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
-MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
-_MOST_TURNS = 200  # of Newton's method
-_LONGEST = 4.0  # of its steps, in parts of what is reached
-_CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
-_SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
+_FAR = 1e4  # size of the mechanism above which the contacts that do not move are known
+MOVES = 1e-3  # fraction of the largest speed above which a contact begins to slip, too
+_MOST_TURNS = 200  # largest number of Newton iterations
+_LONGEST = 4.0  # largest length of a Newton step, relative to the point reached
+_CRUDE = 1e-4  # accuracy of the mechanism that begins, relative to the excess of the load
+_SETTLED = 1e-15  # largest relative error of the sum of the forces
 # Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
 # and radii, work space, the guard of the mechanism that begins, that mechanism, and the one against
 # which friction was weakest so far.
@@ -87,7 +87,7 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     for c in inertial_contacts(rows):
         if sticks_in(rows, mode, c, group):
             a, b = given_force(flow, c, aside[GIVEN_FORCES])
-            # of faces it is asked in the other way
+            # for faces the test is reversed
             if not force_outside(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
     return True
@@ -132,7 +132,7 @@ def overload(
         off = 0.0
         for r in range(rank):
             off = max(off, abs(slope[r]))
-        # Far outside, no more is asked of the mechanism.
+        # Far outside, the mechanism is not needed more accurately.
         enough = max(_SETTLED, _CRUDE * (found - 1.0))
         if off <= enough * size or not invert(space.bend, rank, space.unbent):
             break
@@ -164,7 +164,7 @@ def overload(
         if not moved:
             break
     if found > 1.0 + lack and load < 1.0 + 0.5 * (found - 1.0):
-        # Newton's method has lost its way: what has been seen is a proof nevertheless.
+        # Newton's method failed, but the mechanism found so far is a proof.
         for r in range(rank):
             aside[MECHANISM, r] = weakest[r]
     part = (1.0 - lack) / max(found, 1.0)
@@ -338,7 +338,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         if sticks_in(rows, mode, c, group):
             speed_of(flow, c, rank, best)
             lost += aside[RADIUS, c] * support_at(flow, c, space.along[MOVED])
-    # F″ is smallest along the mechanism, and largest where contacts stay behind.
+    # F″ is smallest along the mechanism, and largest if contacts stay at rest.
     for r in range(rank):
         basis[held, r] = best[r]
     if held < rank and is_new(rank, basis, held, 0.0):

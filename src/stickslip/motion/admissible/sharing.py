@@ -30,7 +30,7 @@ from stickslip.translator import compiled
 # Entries of Space.leaving: the contact keeps sticking while others with which it shares forces
 # begin to slip; it has a separate guard; or (±1) it begins to slip.
 STAYS, ON_ITS_OWN = 0, 2
-_STEADY = 1e-12  # part of its size by which a direction may turn
+_STEADY = 1e-12  # rotation of a direction relative to its size that counts as zero
 
 
 @compiled(brief=True)

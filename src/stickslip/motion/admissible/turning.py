@@ -41,10 +41,10 @@ from stickslip.motion.steps.contacts import direction_entry, directions_of, iner
 from stickslip.motion.steps.sets import axis_of
 from stickslip.translator import compiled
 
-_MOST_HALVINGS = 80  # of the interval that contains the end of rest
+_MOST_HALVINGS = 80  # largest number of bisections of the interval that contains the end of rest
 _LITTLE = 2.0**-52  # relative accuracy of that time
 _ROUNDED = 4.0  # multiple of `lack` by which polynomials may be outside their sets
-# Rows of Space.aside, behind those of `overload`: self-equilibrated forces at both ends of a piece.
+# Rows of Space.aside, after those of `overload`: self-equilibrated forces at both ends of a piece.
 _BEFORE, _AFTER = 11, 12
 
 

@@ -18,13 +18,14 @@ _FOLLOWS = -1
 _LEADS = -2
 
 _CONDITION = 1e4
-_FASTEST = 1e9  # eigenvalue; what is faster has an extreme unit of time
-_KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
-_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
-_REAL = 1e-12  # imaginary part of an eigenvalue, relative to the largest, that is rounding
+_FASTEST = 1e9  # largest eigenvalue; larger ones have an extreme unit of time
+_KNOWN = 1e-11  # relative change of an eigenvalue by rounding errors of the matrix
+_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, for a division
+_REAL = 1e-12  # imaginary part of an eigenvalue relative to the largest that is a rounding error
 _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
-# Rounding where a zero belongs would make every signal look as if it had all parts.
-_ABSENT = 4e-15  # of the largest component of an eigenvector
+# Component relative to the largest of an eigenvector that is regarded as zero; otherwise every
+# signal would seem to contain all parts.
+_ABSENT = 4e-15
 
 
 @compiled()
@@ -133,13 +134,14 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     for j in range(count):
         p.x[j] = p.values[j]
         largest = max(largest, modulus(p.values[j]))
-    # A rate is as many times larger than its place as its mode is fast.
+    # The ratio of a rate to its displacement is the eigenvalue of the mode.
     scale = min(max(largest, 1.0), _FASTEST)
     for j in range(count):
         value = settled(p.values[j], largest)
         if value != 0.0j and modulus(value) < _SLOW * largest:
             return -1
-        # A pair that is one only by rounding: both parts of its vector belong to one real value.
+        # A pair that is complex only by rounding: both parts of its vector belong to one real
+        # value.
         if value.imag == 0.0 and p.values[j].imag > 0.0:
             p.values[j + 1] = value
             for i in range(count):

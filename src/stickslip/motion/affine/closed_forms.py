@@ -146,8 +146,8 @@ def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
                 parts += 1
         for m in range(len(omega)):
             parts += 1 if T.swing[slot, g, n + m] > 0.0 else 0
-        # A zero of a polynomial and one exponential or wave is nearly known; of several it has to
-        # be searched.
+        # The zero of a polynomial with one exponential or wave is known approximately; with several
+        # it has to be searched for.
         if parts > 1:
             return False
     return True
@@ -169,7 +169,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
     still = fastest == 0.0 and len(omega) == 0
     for frequency in omega:
         fastest = max(fastest, frequency)
-    # A power of two, so that the change of the unit of time rounds nothing.
+    # A power of two, so that the change of the unit of time causes no rounding errors.
     pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
     T.pace[slot] = pace
     T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, TINIEST)
@@ -359,7 +359,7 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
     for b in range(blocks):
         r = T.R[slot, b]
         value = T.exponent[slot, b]
-        # What drives w: coefficients of the components that are still, and of e.
+        # Forcing of w: coefficients of the components that are constant, and of e.
         for j in range(len(r)):
             if j < n and w.moving[j] == 1:
                 w.ramp[b, j] = complex(0.0, 0.0)
@@ -381,8 +381,8 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
             r[n + 2 + 2 * k] = -(w.up[b, k] + w.down[b, k])
             r[n + 3 + 2 * k] = -1j * (w.up[b, k] - w.down[b, k])
             w.ramp[b, n + 2 + 2 * k] = w.ramp[b, n + 3 + 2 * k] = complex(0.0, 0.0)
-        # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that
-        # grows evenly.
+        # Powers of τ: if λ = 0, w itself and its rates; otherwise the response to a force linear in
+        # time.
         if value == 0.0j:
             for j in range(len(r)):
                 r[j] = complex(0.0, 0.0)
@@ -405,7 +405,7 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     waves = T.b.shape[2]
     guards = T.counts[slot, GUARDS]
     first = T.c2.shape[1] - n
-    # Few components make the others drift: those that are still.
+    # Only few components cause a drift of the others: the constant ones.
     for j in range(ns):
         w.ones[0, j] = 0.0
         for b in range(blocks):

@@ -42,10 +42,9 @@ from stickslip.motion.modes.guards import switch_of
 from stickslip.numerics.levels import ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-# rounding errors by which the guard of a switch that has just fired may be away from zero, where it
-# is by definition
+# rounding errors allowed for the guard of a switch that has just fired, which is zero by definition
 _FIRED_ROUNDINGS = 1e5
-_LOST = 1e-4  # part of its terms: a smaller component has lost too many digits
+_LOST = 1e-4  # relative to its terms: a smaller component has lost too many digits
 UNKNOWN = -2  # returned instead of a guard, if the flight cannot be computed
 # Kinds of signals
 _NEVER = 0
@@ -81,7 +80,7 @@ def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
     """
     for i in range(first, first + used):
         if key[i] == wanted:
-            # Not i itself: the compiler would carry the address of every table through this loop.
+            # Not i itself: the compiler would keep the address of every table through this loop.
             return own[i]
     return -1
 
@@ -186,8 +185,8 @@ def leading_terms(
     largest = 0.0
     for i in range(ns):
         largest = max(largest, form.felt[i] * size[0, i])
-    # A zero is known no better than the time at which it was found, and a drive no better than its
-    # phase; and what changes less than rounding within the shortest time scale has not begun to
+    # A zero is only as accurate as the time at which it was found, and a drive as its phase; a
+    # value that changes by less than rounding within the shortest time scale has not begun to
     # change.
     near = last + form.shortest
     if len(omega) > 0:
@@ -198,7 +197,7 @@ def leading_terms(
         k = 0
         value = 0.0
         while k < LEADING_ORDERS:
-            if ready < k:  # derivatives are made as far as they are needed
+            if ready < k:  # derivatives are computed up to the order needed
                 ready = k
                 _derive(S, v, k)
             value, terms = 0.0, 0.0
@@ -208,15 +207,15 @@ def leading_terms(
                 terms += abs(term)
             if k == 0:
                 f.value[g], f.terms[g] = value, terms
-            # What is far from zero, or as close to it as rounding makes it, needs no exact account
-            # of its terms.
+            # A value far from zero, or within rounding errors of it, needs no exact bound on its
+            # terms.
             bound = reach[g, k] + near * reach[g, k + 1]
             if abs(value) > ROUNDING * _FIRED_ROUNDINGS * largest * bound:
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
                 just = k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired
-                # Where a slip has ended, its velocity is zero by definition, not its force.
+                # At the end of a slip the velocity is zero by definition, the force is not.
                 if just and (fired < kinks or not stops(form, settled, fired - kinks)):
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
@@ -328,7 +327,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             if not stays_zero(form, f, g, omega):
                 return UNKNOWN
             continue
-        # c₀ and the amplitudes about it; what is too small to be seen does not count.
+        # c₀ and the amplitudes about it; negligible terms do not count.
         c0 = f.value[g]
         c1 = 0.0
         c2 = 0.0
@@ -377,7 +376,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             f.kind[g] = _WAVE
             size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
-                # where the cosine falls
+                # the time at which the cosine decreases through the level
                 angle = rough_acos(-c0 / size) - form.angle[g, lead] - f.phase[lead]
                 f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[
                     lead

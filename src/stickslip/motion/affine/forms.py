@@ -34,7 +34,8 @@ FEW_COMPONENTS = 4
 """Components of a state of which none is moved at so high an order that it is lost."""
 FACETS = 16
 """Guards of a contact that sticks in a plane: sides of a polygon within its forces."""
-# contacts and kinks of a system with closed forms: the number of a mode fits into 64 bits up to 39
+# largest number of contacts and kinks of a system with closed forms: the number of a mode fits into
+# 64 bits up to 39
 MOST_SWITCHES = 30
 # Columns of ClosedForms.counts.
 EXPONENTS, GUARDS, SEARCHED = range(3)

@@ -22,9 +22,10 @@ from stickslip.arrays import (
 )
 from stickslip.translator import compiled
 
-_FEWEST = 16  # states: the problem of fewer costs no more than the comparisons
-_MOST = 64  # modes that are kept
-_ROOM = 2**26  # bytes that they take, at most; without a mode in it, a slot takes none
+# smallest number of states: for fewer, recomputation costs no more than the comparisons
+_FEWEST = 16
+_MOST = 64  # number of modes that are kept
+_ROOM = 2**26  # largest number of bytes for them; an empty slot takes none
 NOT_KEPT = -2  # instead of the number of blocks
 USED, NEXT = range(2)
 
@@ -79,7 +80,7 @@ def is_same(k: KeptModes, slot: int, F: Array, moving: Array, part: Array) -> bo
     for i in range(n):
         if k.parts[slot, 0, i] != moving[i] or k.parts[slot, 1, i] != part[i]:
             return False
-    # Modes differ in the rates of velocities, which are behind those of places.
+    # Modes differ in the rates of velocities, which come after those of positions.
     for i in range(n - 1, -1, -1):
         for j in range(n):
             if k.F[slot, i, j] != F[i, j]:

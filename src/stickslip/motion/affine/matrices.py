@@ -43,12 +43,12 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import COMPUTED_ZERO, EPSILON, FEW_ROUNDINGS, LAST_DIGITS
 from stickslip.translator import compiled
 
-# so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
+# large enough that constants do not hide the slopes in any unit; scaling by a power of 2 is exact
 _PROBE = 2.0**200
-_AGES = 2.0**300  # likewise for slopes in time, where there are no waves
-_TURNS = 3.0  # of the slowest wave: how long the drives are looked at
-_CHECKS = 4  # points at which the matrices are checked
-_WELL = 1e-2  # smallest of the singular values of a fit, relative to the largest
+_AGES = 2.0**300  # the same for slopes in time, if there are no harmonic drives
+_TURNS = 3.0  # periods of the slowest harmonic drive over which the drives are sampled
+_CHECKS = 4  # number of points at which the matrices are checked
+_WELL = 1e-2  # smallest singular value of a fit, relative to the largest
 _SWEEPS = 30
 
 
@@ -229,7 +229,7 @@ def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 hold[c, q] = space.Rq[first + i, rows.homes[c, SEAT] - first]
             inverse = own_inverse(rows, space, c)
-            if inverse == 0.0:  # inertia that moves is inverted where a series begins
+            if inverse == 0.0:  # variable inertia is inverted at the beginning of a series
                 return False
             hold[c, nq] = 1.0 / abs(inverse)
     return True

@@ -28,14 +28,14 @@ from stickslip.translator import compiled
 
 RADIANS = 4.0
 """Largest |λ| × length of what is followed at the nodes of a window."""
-_SHORTER = 0.25  # a window, after one that has left a question open
-_MOST_WINDOWS = 400  # of one signal
-_ROUNDED = 1e-12  # part of its terms that an extremum is known to
-_FINE = 48  # Gauss nodes by which integrals of slow exponentials are found
-_FAST = 40.0  # |z| from which on they follow from a recurrence
-_SAME = 1e-9  # of an exponent: below it exp(z) − 1 over z is a series
+_SHORTER = 0.25  # factor on a window after an inconclusive one
+_MOST_WINDOWS = 400  # largest number of windows of a signal
+_ROUNDED = 1e-12  # error of an extremum relative to its terms
+_FINE = 48  # number of Gauss nodes for integrals of slow exponentials
+_FAST = 40.0  # |z| above which they follow from a recurrence
+_SAME = 1e-9  # size of the exponent z below which (exp(z) − 1)/z is computed as a series
 _GOLDEN = 0.3819660112501051
-_TURNS = 60  # of a search for an extremum
+_TURNS = 60  # largest number of iterations of a search for an extremum
 
 
 def _barycentric() -> Array:

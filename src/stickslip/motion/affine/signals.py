@@ -20,13 +20,16 @@ from stickslip.motion.algebra.roots import NONE, divide_out, first_crossing
 from stickslip.numerics.levels import LAST_DIGITS
 from stickslip.translator import compiled
 
-_MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second
+# largest number of windows of a signal that are searched in one call: a tenth of a second
+_MOST_WINDOWS = 100_000
 _WINDOW_ORDER = 22
-_WINDOW = 1.5  # in which its polynomial is exact, in parts of the time in which a term changes
-_LONGER = 4.0  # a window in which one exponential more may be replaced by its bound
-_LONGEST = 700.0  # what the exponential function can take
-_EXACT = 1e-16  # relative error of a root that no further step can lessen
-_SHORT_ARC = 1e-7  # of π: a signal so soon before its minimum starts there, where it is flat to √ε
+# length of a window in which the polynomial is exact, relative to the time scale of a term
+_WINDOW = 1.5
+_LONGER = 4.0  # factor on a window for which one more exponential may be replaced by its bound
+_LONGEST = 700.0  # largest argument of the exponential function that does not overflow
+_EXACT = 1e-16  # relative error of a root that further steps do not reduce
+# fraction of π: a signal this close to its minimum starts there, where it is flat to √ε
+_SHORT_ARC = 1e-7
 
 
 class Wave(NamedTuple):
@@ -110,7 +113,7 @@ def first_of_bend(
     if turn > 0.0:
         if r > 0.0:  # a minimum: the crossing lies before it
             if rising > 0:
-                return np.inf  # which is where it starts, up to rounding
+                return np.inf  # the minimum is at the start, up to rounding errors
             stop = min(turn, limit)
             g = c0 + c1 * stop + r * math.exp(rate * stop)
             if g >= (-floor if stop == turn else 0.0):
@@ -193,7 +196,7 @@ def first_of_wave(
                 if g != g:
                     return np.nan
                 if abs(g) <= floor:
-                    return limit  # it crosses together with the earliest event found so far
+                    return limit  # it crosses together with the earliest event found
             if g < -floor:
                 if not (before < guess < stop and abs(s.mu * guess) < 0.1):
                     guess = 0.5 * (before + stop)
@@ -405,7 +408,7 @@ def first_of_many(
     moving = 0
     for j in range(len(s.lam)):
         moving += 1 if s.a[j] != 0.0j and s.lam[j] != 0.0j else 0
-    # One exponential beside a load is not worth looking for a longer window.
+    # A single exponential with a load does not justify the search for a longer window.
     several = moving > 1 or len(s.omega) == 0
     N = _WINDOW_ORDER
     for _ in range(_MOST_WINDOWS):
@@ -421,7 +424,7 @@ def first_of_many(
             work[0] -= bound
             x = first_crossing(work, N, 1.0, floor, stack) if work[0] > floor else 0.0
             if x < NONE:
-                # No fall before x; from there on more has to be followed.
+                # No decrease below zero before x; the search continues from there.
                 start += x * h
                 longest = h / _LONGER
             else:

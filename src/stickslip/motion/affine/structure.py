@@ -147,7 +147,7 @@ def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
         threshold = p.code[i, THIRD if mode[c] > 0 else FOURTH]
         kind = kinds[b] | kinds[threshold] if mode[c] != 0 else kinds[a]
     elif op in (SOLVE, RATES):
-        # Which row depends on which is not asked: all that is coupled is of one kind.
+        # Dependences between rows are not analysed: all coupled rows are of one kind.
         for j in range(p.code[i, SIZE]):
             kind |= kinds[a + j]
         if op == RATES:

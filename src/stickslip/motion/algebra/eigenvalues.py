@@ -18,10 +18,11 @@ from stickslip.equations.codegen.series import invert
 from stickslip.numerics.levels import EPSILON
 from stickslip.translator import compiled
 
-_MOST_STEPS = 60  # Francis steps until an eigenvalue or two are found
+_MOST_STEPS = 60  # largest number of Francis steps for one or two eigenvalues
 _STALLED = 10  # steps after which other shifts are tried
-_SMALL_CHANGE = 1e-3  # of an eigenvector, that is made once
-_WORTH = 0.95  # of the norms of row and column: what balancing has to gain
+_SMALL_CHANGE = 1e-3  # largest relative change of an eigenvector that is applied
+# smallest relative decrease of the norms of row and column for which balancing is applied
+_WORTH = 0.95
 
 
 class Eigenproblem(NamedTuple):
@@ -215,8 +216,9 @@ def to_schur(H: Array, Q: Array, n: int, v: Array) -> bool:
     while high > 0:
         low = high
         while low > 0:
-            # What is rounding beside its neighbours may go. Where these are rounding themselves, an
-            # eigenvalue is a multiple one, and what is rounding beside the whole may go, too.
+            # An entry within rounding errors of its neighbours may be set to zero. If these are
+            # rounding errors themselves, the eigenvalue is a multiple one, and an entry within
+            # rounding errors of the matrix may be set to zero, too.
             near = abs(H[low - 1, low - 1]) + abs(H[low, low])
             if near == 0.0 or steps > _STALLED:
                 near = size * max(steps - _STALLED, 1)
@@ -423,7 +425,7 @@ def refine_vectors(p: Eigenproblem, F: Array, members: Array, count: int) -> Non
                 p.T[1, j] = lam + part
                 continue
             away = value - lam
-            # What is nearly one eigenvalue is left together.
+            # Nearly equal eigenvalues are not separated.
             if part != 0.0j and modulus(part) <= _SMALL_CHANGE * modulus(away):
                 part = part / away
                 for i in range(count):

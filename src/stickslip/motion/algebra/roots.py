@@ -15,12 +15,13 @@ from stickslip.numerics.levels import HALVINGS, ONE_ULP
 from stickslip.translator import CONTRACTED, RELAXED, compiled
 
 MAX_DEGREE = 32
-# orders that decide most of the time, where the step is so small that the others hardly matter
+# number of orders that usually suffice, if the step is so small that the others hardly matter
 _QUICK = 6
 NONE = 2.0  # "no root": anything beyond the interval
-# Behind the coefficients of a subinterval: where it starts, and how long it is.
+# After the coefficients of a subinterval: its start and its length.
 _START, _WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
-_SPLIT = 1e-3  # of a slope, which a zero at the start may change if it is to be divided out exactly
+# largest relative change of the slope for which a zero at the start is divided out exactly
+_SPLIT = 1e-3
 _NARROWEST = 1e-17  # width of a subinterval of [0, 1] below the spacing of numbers in it
 
 
@@ -241,7 +242,7 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
             return crossing(c, d, limit * left, limit * (left + width), limit * start, floor / 64.0)
         if depth == HALVINGS or width < _NARROWEST:
             return limit * left
-        # Left half goes on top of the right half, so that the leftmost crossing is found first.
+        # The left half is pushed last, so that the leftmost crossing is found first.
         halve(stack, depth, d)
         depth += 1
     return NONE

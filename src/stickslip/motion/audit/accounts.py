@@ -19,10 +19,10 @@ from stickslip.motion.steps.sets import force_terms, is_rate_independent, rate_t
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.translator import compiled
 
-NEGLIGIBLE_PART = 1e-10  # part of its size that a quantity may have between the nodes
-# part of the velocity that forces would give to what sticks, against which it is measured
+NEGLIGIBLE_PART = 1e-10  # relative size of a quantity between the nodes that is negligible
+# size of the velocity of a sticking contact, as a fraction of the one that the forces would cause
 REST_PART = 1e-4
-CANCELLED_PART = 1e-5  # part of its terms against which a sum is measured in which they cancel
+CANCELLED_PART = 1e-5  # size of a sum relative to its terms, if they cancel
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, SWAY, DEFECT, ROUNDED = range(4)
 (
@@ -36,7 +36,7 @@ LARGEST, SWAY, DEFECT, ROUNDED = range(4)
     OVERLAP,
     OPENING,
 ) = range(9)
-_LAW = 9  # columns of these
+_LAW = 9  # number of these columns
 BEYOND, REACHED = range(2)
 FED_IN_ALL, ROUNDING_ERRORS, UNVERIFIED = range(3)
 # Columns of Steps.work: dissipated and supplied energy.

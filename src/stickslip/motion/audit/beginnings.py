@@ -160,11 +160,12 @@ def hold_beginnings(
         # All rests before the start.
         before = starts.mode[i - 1, c] if i > 0 else 0
         if c < rows.sizes[ON_INERTIAL]:
-            # What keeps its threshold, and its side, may be carried by others and never slip.
+            # A contact that keeps its threshold and its side may be carried by others and never
+            # slip.
             begins = is_still(rows, space, c, tally.law[c, LARGEST_SPEED])
             begins = begins and (again or before != slips[c])
         else:
-            # A jump may tear away what has no mass.
+            # A jump may release contacts without mass.
             torn = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) >= 0
             begins = not quiet and not torn and resting(before)
         if begins:
@@ -283,7 +284,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
         room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
         if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
             if press_by_internal_forces(flow, mode, W, rows.group[c]):
-                return c, 1.0  # nobody has asked what they hold then
+                return c, 1.0  # the forces that they hold then are not needed
             room = spare_part(flow, mode, c)
             if tally.law[c, LARGEST_FORCE] > 0.0:
                 room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]

@@ -254,7 +254,7 @@ def encloses(
             tally.law[c, LARGEST_SPEED],
         ) + REST_PART * acting * rate_terms(rows, mag, c)
         if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
-            # Forces that begin with zero make a velocity, too.
+            # Forces that start from zero cause a velocity, too.
             made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
             speed += REST_PART * acting * made
         if not deviation_bound(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:
@@ -263,14 +263,14 @@ def encloses(
         held = max(CANCELLED_PART * force_terms(rows, mag, c), tally.law[c, LARGEST_FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
-        # What nothing presses has no friction, but for rounding errors.
+        # A contact without normal force has no friction, up to rounding errors.
         loose = is_loose(rows, mode, c)
         for row in forces:
             if not loose and not deviation_bound(discs[row], factor) <= NEGLIGIBLE_PART * held:
                 return False
     for c in rows.openings:
         row = rows.gaps[c]
-        # At an instant all terms of a gap may vanish; of what stays closed they always do.
+        # At an instant all terms of a gap may vanish; for a closed contact they always do.
         size = extent(W[row], N - 1, powers) + h * mag[c]
         size += REST_PART * acting * acting * rate_terms(rows, mag, c)
         size += gap_terms(rows, mag, c)

@@ -117,7 +117,8 @@ def sample_plane(
     if plane[MASSIVE] == 1:
         law[c, SPEED_HELD] = most(law[c, SPEED_HELD], whole_rate(rows, mag, c) * h)
     elif is_rate_independent(rows, c):
-        # What slides without mass or viscosity has the force s, by nothing but its place.
+        # A contact that slides without mass or viscosity has the force s, which depends on its
+        # position only.
         held = V[plane[STATIC], 0] ** 2 - V[plane[ADMISSIBLE], 0]
         off = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
         samples[samples_of(rows, block[1]), g] = off
@@ -273,7 +274,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
         for first in (0, rows.sizes[INERTIAL]):
             largest = 0.0
             for turn in range(2):
-                # A rate of turning, in the third direction, is none of a velocity.
+                # The third component is an angular velocity and is not compared with velocities.
                 block = directions_of(rows, rows.planes[p, LEAD])
                 for c in (block[0], block[1]):
                     part = rows.parts[rows.homes[c, PART]]

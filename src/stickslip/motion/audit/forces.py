@@ -97,9 +97,9 @@ from stickslip.translator import compiled
 # Entries of the row RESTS: a contact that is closed or sticks in the mode (HOLDS); one that rests
 # although it is open or loose in the mode (TOUCHES); one that slides (RUBS). Others are 0.
 HOLDS, TOUCHES, RUBS = 1, 2, -1
-_SAME = 1e-11  # relative difference of quantities that have to be the same
+_SAME = 1e-11  # relative difference of equal quantities
 _LITTLE = 1.5e-9  # fraction of the bounds below which there is no margin
-_INSIDE = 4  # trials, with smaller and smaller margins from the bounds of the law
+_INSIDE = 4  # number of trials, with decreasing margins from the bounds of the law
 
 
 @compiled(brief=True)
@@ -307,7 +307,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
                 up -= on * cones[IN_MODE, n]
                 down -= back * cones[IN_MODE, n]
         if rubs:
-            # what is left beside the normal forces has to be nothing
+            # the force that remains besides the normal forces has to vanish
             if not abs(held) <= _SAME * cones[FORCE_SIZE, c]:
                 return False
         else:
@@ -347,7 +347,7 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
                 # the normal force as it was
                 width += (on + back) * samples[samples_of(rows, n), g]
             if abs(mode[c]) == 1:
-                # Of what others hold at its threshold, guards are made here.
+                # For contacts whose threshold others hold, guards are computed here.
                 samples[row + 1, g] = up + (0.0 if mode[c] > 0 else width)
                 samples[row + 2, g] = down + (width if mode[c] > 0 else 0.0)
             else:
@@ -374,7 +374,7 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
             continue
         row = samples_of(rows, c)
         little = _SAME * space.cones[FORCE_SIZE, c]
-        # Of what others hold at its threshold, they stand one row further.
+        # For contacts whose threshold others hold, the guards are one row further.
         first = row + 1 if abs(mode[c]) == 1 else row
         for guard in range(first, first + rows.states[c] - 1):
             if least_on_nodes(space.samples[guard], space.bernstein, 1e-2 * little) < -little:
@@ -427,7 +427,7 @@ def violates_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally:
         if space.cones[RESTS, n] == TOUCHES and is_loose(rows, mode, c):
             still = stays_still(rows, space, c, piece, tally)
             space.cones[RESTS, c] = TOUCHES if still else 0.0
-            # Friction that slips would press, too: not asked for here.
+            # Friction that slips would add to the normal force; that is not tested here.
             space.cones[RESTS, n] = space.cones[RESTS, n] if still else 0.0
     return asked
 

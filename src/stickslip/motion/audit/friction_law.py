@@ -46,7 +46,7 @@ from stickslip.motion.steps.sets import (
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
-_LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong
+_LATE = 4.0 * EPSILON  # relative error of the time of a kink or an event
 
 
 @compiled()
@@ -80,7 +80,7 @@ def sample_law(
         u = V[rows.u[c], 0]
         block = directions_of(rows, c)
         if is_loose(rows, mode, c):
-            # It has no force, but says how fast things are.
+            # It has no force, but its speed counts for the size of velocities.
             for i in block:
                 law[i, LARGEST_SPEED] = most(law[i, LARGEST_SPEED], abs(V[rows.u[i], 0]))
             continue
@@ -116,7 +116,7 @@ def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
     """Store the sizes of the force and the velocity of a contact along a line."""
     law, mag, V = tally.law, space.mag, space.V
     held = abs(V[rows.force[c], 0])
-    # Where thresholds vanish, a force is known up to the rounding of its terms only.
+    # If thresholds vanish, a force is known only up to the rounding errors of its terms.
     law[c, LARGEST_FORCE] = most(
         most(law[c, LARGEST_FORCE], max(held, max(V[rows.plus[c], 0], V[rows.minus[c], 0]))),
         CANCELLED_PART * force_terms(rows, mag, c),
@@ -144,7 +144,7 @@ def sample_opening(
     gap = V[rows.gaps[c], 0]
     row = samples_of(rows, c)
     made = rate_terms(rows, mag, c) * h
-    # What is closed has no size but that of what forces would do to it.
+    # A closed gap has no size except the displacement that the forces would cause.
     size = max(abs(gap), gap_terms(rows, mag, c))
     size = max(size, REST_PART * h * h * rate_terms(rows, mag, c))
     law[c, OPENING] = most(law[c, OPENING], size)
@@ -184,7 +184,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     law = tally.law
     factor = piece.factor
     unit = space.W[rows.sizes[DIMENSION], 1]
-    # Knots are rounded times: what a quantity does within that rounding is no violation.
+    # Times of knots are rounded: changes of a quantity within that rounding are not violations.
     late = _LATE * abs(piece.t) / unit
     for c in rows.openings:
         judge_opening(rows, space, mode, c, factor, tally)

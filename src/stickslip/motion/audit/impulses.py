@@ -76,18 +76,18 @@ from stickslip.translator import compiled
 # γ⁺ + e γ⁻; the size of its terms; by how much γ⁺ + e γ⁻ breaks the law; the size of what impulses
 # change. By coordinate: the part of the jump of a rate that is left; the size of its terms.
 FASTEST, _REACHED, _MOVED, _SIZE, BROKEN, CONTACT_TERMS, RATES_LEFT, RATE_TERMS = range(8)
-# Rows of Space.tried: which contacts are near, and the mode before; then what they do in the
+# Rows of Space.tried: which contacts are near, and the previous mode; then their states in the
 # impact.
 _NEAR, _KEPT, _DONE = range(3)
-_APART, _TOUCHING = 0, 1  # of what opens; what rubs sticks (0) or slips (±1)
-_NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
+_APART, _TOUCHING = 0, 1  # for openings; a friction contact sticks (0) or slips (±1)
+_NEARBY = 1e3  # gap in tolerances below which a contact may take part in an impact
 # Part of its size below which a velocity may be zero, and another one, where this explains too
 # little; the size is that of its terms, and then, with either part, that of all that have been: of
 # the last of infinitely many impacts rounding errors are no smaller.
 _SLOW, _SLOWER = 1e-10, 1e-13
 _TRIALS, _TRIALS_IN_TURN = 4, 3
 _SETTLED = 1e-9  # the same for velocities with which a contact would rebound, but rests
-_EXPLAINED = 1e-12  # part of a jump that may be left unexplained before another is tried
+_EXPLAINED = 1e-12  # unexplained part of a jump above which another mode is tried
 
 
 @compiled(brief=True)
@@ -153,7 +153,7 @@ def explain_jump(
     if best < trial - 1:
         fit_impulses(rows, space, before.y, after, cause, best)
     if creates_energy(rows, space):
-        # Such impulses explain nothing, and of a jump that is a rounding error nothing is asked.
+        # Such impulses explain nothing; a jump within rounding errors needs no explanation.
         for q in range(nq):
             jump = abs(after[nq + q] - before.y[nq + q])
             found[RATES_LEFT, q] = max(found[RATES_LEFT, q], jump)
@@ -308,7 +308,7 @@ def put_cones(rows: Rows, space: Space) -> float:
         if done[c] != 0 and len(block) > 1:
             o = block[1]
             if c == o:
-                continue  # it is done with the first direction
+                continue  # handled with the first direction
             second = second_link(rows, link, o)
             f, g = work[FORWARD, link], work[FORWARD, second]
             size = math.hypot(f * moved[c], g * moved[o])

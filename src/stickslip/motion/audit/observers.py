@@ -24,8 +24,8 @@ from stickslip.translator import compiled
 LASTED, STUCK = range(2)
 """Slots of :attr:`Sums.total`."""
 
-_LEFT, _WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
-_DEEPEST = 40  # halvings
+_LEFT, _WIDTH = 33, 34  # left end and width of an interval, stored after its Bernstein coefficients
+_DEEPEST = 40  # largest number of halvings
 
 
 class Sums(NamedTuple):
@@ -101,7 +101,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
         x *= h
         stack[1, k] = c[k] * x
         reach += abs(stack[1, k])
-    floor = LAST_DIGITS * (abs(c[0]) + reach)  # rounding turns everywhere
+    floor = LAST_DIGITS * (abs(c[0]) + reach)  # rounding errors have extrema everywhere
     if c[0] - reach >= low - floor and c[0] + reach <= high + floor:
         return low, high
     stack[1, 0] = c[0]
@@ -162,7 +162,7 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
         new = x - slope / curvature if curvature != 0.0 else a
         if not a < new < b:
             new = 0.5 * (a + b)
-        # A value at its extremum does not feel the last half of the digits.
+        # A value at its extremum depends only on the first half of the digits.
         if abs(new - x) <= EXTREMUM_KNOWN * (b - a) or not a < new < b:
             return new
         x = new

@@ -93,9 +93,9 @@ from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.numerics.levels import ENERGY_SCALE, EPSILON, INSTANT, ROUNDING, SHORTEST_PIECE
 from stickslip.translator import compiled
 
-_MOST_PIECES = 512  # of a Taylor step
-_ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
-# square root of the number of pieces after which rounding errors of the state count beside others
+_MOST_PIECES = 512  # largest number of pieces of a Taylor step
+_ROUNDINGS = 8.0  # rounding errors of a rate relative to the size of its terms
+# square root of the number of pieces after which rounding errors of the state are not negligible
 _WALK = 16.0
 
 
@@ -215,8 +215,8 @@ def audit_step(
         order, h, series = follow_mode(machine, flow, start, left, last, seen)
         h = min(left, max(h, SHORTEST_PIECE * left))
         if ends_there(h, left, base) or not (h > 0.0 and has_finite_parts(y)):
-            h = left  # what is not a number is seen at the nodes
-        # a closed form may last for many Taylor steps, each of which counts by itself
+            h = left  # values that are not numbers are detected at the nodes
+        # a closed form may last for many Taylor steps, each of which is checked separately
         if not whole > 0.0:
             whole = h
             tried = 0
@@ -231,7 +231,7 @@ def audit_step(
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
         give_directions(flow.rows, mode, False)
         if not factor < np.inf:
-            h, steps.open[i] = longest, max(steps.open[i], left)  # no more is tried here
+            h, steps.open[i] = longest, max(steps.open[i], left)  # no further attempts here
         acting = min(h, series) if series > 0.0 else h
         rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
         piece = StepPiece(order, base, h, acting, factor, rounding)
@@ -241,7 +241,8 @@ def audit_step(
         for r in range(n):
             y[r] = horner(W[r], order, h / W[n, 1])
         base = base + h
-        # What rounding takes of the many pieces of a long step would be a phase of what turns fast.
+        # The rounding error summed over the many pieces of a long step would shift the phase of
+        # fast oscillations.
         part = h + lost
         lost = part - (left - (left - part))
         left = left - part
@@ -250,7 +251,7 @@ def audit_step(
         pieces = pieces + 1
         tried = tried + 1
         if left <= INSTANT * abs(base):
-            break  # Nobody can tell its time from that of the end.
+            break  # Its time cannot be distinguished from that of the end.
     final = Instant(ends.time[i], ends.state[i], mode, reg)
     jump_or_collide(machine, flow, final, h, ends, i, accounts)
     close_step(flow, final, order, h, starts.state[i], i, steps, tally)
@@ -389,7 +390,7 @@ def judge(
     own = 0.0
     for c in range(len(law)):
         force = most(force, law[c, LARGEST_FORCE])
-        # In a plane velocities are vectors, whose size stands at their first component.
+        # In a plane velocities are vectors; their sizes are stored at the first component.
         first = rows.lead[c]
         speed = max(law[c, LARGEST_SPEED], law[first, LARGEST_SPEED])
         speed = max(speed, REST_PART * max(law[c, SPEED_HELD], law[first, SPEED_HELD]))
@@ -410,7 +411,7 @@ def judge(
         defect = most(defect, relative(state[DEFECT, r], size))
         own = most(own, relative(state[ROUNDED, r], size))
         reach_ = max(reach_, state[LARGEST, r])
-    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
+    # The energy is known only up to rounding errors: if hardly any energy flows, that is the scale.
     scale = max(flow, ENERGY_SCALE * energy, ENERGY_SCALE * force * reach_)
     residuals[ENERGY_BALANCE] = relative(
         max(imbalance - force * tally.total[ROUNDING_ERRORS], 0.0), scale

@@ -214,7 +214,7 @@ def close_impact(
         tally.law[c, CREEP] = most(tally.law[c, CREEP], found[BROKEN, c])
         tally.law[c, SPEED_HELD] = most(tally.law[c, SPEED_HELD], found[CONTACT_TERMS, c])
     for q in range(nq):
-        # What the law does not explain stays as a gap of the step; the rest is none.
+        # The part of a jump that the law does not explain remains as a gap of the step.
         space.trial[nq + q] = at.y[nq + q]
         steps.gap[i, nq + q] += found[RATES_LEFT, q]
         tally.state[SWAY, nq + q] = most(tally.state[SWAY, nq + q], found[RATE_TERMS, q])
@@ -309,9 +309,9 @@ def close_step(
     for r in range(len(first)):
         off = abs(end[r] - space.trial[r]) - late * abs(rate_on(W[r], N, h / unit)) / unit
         if 2 * nq + nz <= r < 2 * nq + nz + nr:
-            # What slides without viscosity is put back onto λ + σ s = 0, where forces are known to
-            # rounding only; near a fold, where its stiffness vanishes, that moves it. The friction
-            # law sees the forces themselves.
+            # A contact that slides without viscosity is projected onto λ + σ s = 0, where forces
+            # are known only up to rounding errors; near a fold, where its stiffness vanishes, the
+            # projection moves it. The friction law is checked with the forces themselves.
             for j in range(nr):
                 c = sizes[ON_INERTIAL] + sizes[ON_VISCOUS] + j
                 if mode[c] != 0:

@@ -111,7 +111,7 @@ def work_in_step(
         h, series = 0.0, 0.0
         order = flow.order
         if left <= INSTANT * abs(base):
-            left = 0.0  # Nobody can tell these times from now.
+            left = 0.0  # These times cannot be distinguished from the current one.
         if left > 0.0:
             order, h, series = follow_mode(
                 machine, flow, Instant(base, y, mode, reg), left, before, seen

@@ -112,7 +112,7 @@ def states_at(
             copy(knots.state[knot], y)
             resolve(rows, flow.k, flow.space, mode)
             known = False
-        # the coefficients have to suit what is left of the step
+        # the coefficients have to be accurate for the rest of the step
         left = float(knots.time[min(knot + 1, final)]) - base
         if times[i] > base and not known:  # at the knot itself no series is needed
             start = Instant(base, y, mode, reg)

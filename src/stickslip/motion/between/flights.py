@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
     from stickslip.motion.record.knots import Knots
 
-_LONG = 100.0  # shortest times in a flight that is worth it
-APART = 150.0  # … between the times in it, where work is asked for
+# shortest length of a flight, in times of its fastest term, for which a closed form pays
+_LONG = 100.0
+APART = 150.0  # the same per requested time in it, if work is requested
 
 
 def known_forms(problem: Problem, knots: Knots) -> ClosedForms:
@@ -77,7 +78,7 @@ def states_in_flights(
     if not np.any(fast):
         return done
     shortest = float(np.min(T.shortest[:used][fast]))
-    # At a knot the state is known; of a motion with many flights, few have other times in them.
+    # At a knot the state is known; few of the flights of a motion contain other times.
     inside = np.flatnonzero((clock > knots.clock[index]) & (lengths[index] > _LONG * shortest))
     inside = inside[np.argsort(index[inside], kind="stable")]
     which, firsts = np.unique(index[inside], return_index=True)
@@ -88,7 +89,7 @@ def states_in_flights(
         least = 0.0 if slot is None else max(_LONG, apart * len(own)) * float(T.shortest[slot])
         if slot is None or not lengths[i] > least > 0.0:
             continue
-        begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
+        begin = float(knots.clock[i])  # origin of the time of the drives, here as in flights
         tau = clock[own] - knots.clock[i]
         waves: AnyArray = np.exp(1j * omega * begin)
         s = np.concatenate(

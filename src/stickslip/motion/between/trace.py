@@ -24,7 +24,7 @@ from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.numerics.levels import SHORTEST_PIECE
 from stickslip.translator import compiled
 
-TOLERANCE = 1e-12  # of a series relative to the size of its row
+TOLERANCE = 1e-12  # error of a series relative to the size of its row
 
 
 @entry_point()

@@ -28,7 +28,7 @@ from stickslip.symbolic.tape import Op
 from stickslip.translator import compiled
 
 _RECIPROCAL, _EXP = int(Op.RECIPROCAL), int(Op.EXP)
-_LARGE = 700.0  # arguments for which the exponential function does not overflow
+_LARGE = 700.0  # largest argument for which the exponential function does not overflow
 
 
 @compiled()
@@ -193,7 +193,7 @@ def quotient_disc(
     ball, off = np.inf, np.inf
     if left > 0.0:
         ball = (u + abs(y) * v) / left
-        other = abs(y) + (x + u + s) / left  # where numbers overflow
+        other = abs(y) + (x + u + s) / left  # if numbers overflow
         if not ball <= other:
             ball = other
         off = (s + (abs(y) + ball) * t) / left if s > 0.0 or t > 0.0 else 0.0

@@ -64,10 +64,11 @@ from stickslip.motion.discs.tables import (
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import RELAXED, compiled
 
-_WIDER = 1.05  # factor between what bounds such a rate and what is tried
-_TURNS = 6  # of an enclosure of a rate that solves an equation
-_SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
-_WIDENED = 1e-4  # by which bounds grow beyond what is needed, so that few rounds settle them
+_WIDER = 1.05  # ratio of a trial bound to the computed bound of such a rate
+_TURNS = 6  # largest number of iterations for an enclosure of a rate that solves an equation
+# largest number of iterations for bounds of the rates of the rate-independent coordinates
+_SWEEPS = 40
+_WIDENED = 1e-4  # relative amount by which bounds are widened, so that few iterations suffice
 
 
 @compiled()
@@ -156,7 +157,7 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     function = code[i, FIRST]
     slope = code[i, SECOND]
     steep = abs(W[slope, 0])
-    # B and S of G, with v held, stand where only parts of the state need a place (SLOPE).
+    # B and S of G for fixed v are stored where only parts of the state need a place (SLOPE).
     left = steep
     if turn == 1:
         discs[row, SLOPE] = discs[function, BALL]

@@ -63,17 +63,17 @@ from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.numerics.levels import CREATED_ENERGY, IMPACT_ZERO
 from stickslip.translator import compiled
 
-# What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
-# only such that create energy.
+# Results of :func:`collide`: nothing collides; velocities have jumped; no impulse obeys the law; or
+# only impulses that create energy do.
 NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # More rows of Space.impact: velocities before the first of several impacts; the changes of the
-# rates in all of them, by coordinate; restitution, whatever recedes.
+# rates in all of them, by coordinate; restitution, also of contacts that separate.
 _FIRST, _TOTAL, _GIVEN = range(12, 15)
-_CLOSED = 4  # row of Space.tried: all that are closed while only some take part
-_FEW_MODES = 216  # that are all tried: three feet with friction along a line
-_MOST_TURNS = 20000  # of impacts one after the other
-_NONE_LEFT = 1e-29  # part of the energy of the first approach below which there is none
-_EQUAL = 1e-9  # part by which energies of approach are equal
+_CLOSED = 4  # row of Space.tried: all closed contacts, while only some take part
+_FEW_MODES = 216  # number of modes up to which all are tried: three feet with friction along a line
+_MOST_TURNS = 20000  # largest number of sequential impacts
+_NONE_LEFT = 1e-29  # energy relative to that of the first approach below which impacts end
+_EQUAL = 1e-9  # relative difference of equal energies of approach
 
 
 @compiled()
@@ -120,7 +120,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         stop_what_is_held(machine, flow, lane)
         if not settles(machine, flow, lane):
             return JUMPED
-        # What is left of the bounces cannot be told from none: once more, without restitution.
+        # The remaining bounces are negligible: repeat once without restitution.
         for q in range(nq):
             lane.y[nq + q] -= work[CHANGE, q]
     return JUMPED
@@ -220,7 +220,7 @@ def best_of_many(rows: Rows, space: Space, mode: Array) -> int:
     return JUMPED if gained <= CREATED_ENERGY * size else CREATES
 
 
-# -- in turn ---------------------------------------------------------------------------------------
+# -- sequential impacts ---------------------------------------------------------------------------
 
 
 @compiled()
@@ -264,7 +264,7 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
         found = answer_together(rows, space, at.mode)
         if found != JUMPED:
             break
-        found = NO_IMPULSE  # unless a later turn ends it
+        found = NO_IMPULSE  # unless a later iteration ends it
         for q in range(nq):
             work[_TOTAL, q] += work[CHANGE, q]
             at.y[nq + q] += work[CHANGE, q]

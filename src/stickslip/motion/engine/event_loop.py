@@ -94,7 +94,7 @@ _LOOK, _LOOK_IN_PLANE = 64, 16
 # Rounding errors below which a slip has come to rest: more than those of its speed at the end of a
 # step, so that no slip is at rest where the next step begins.
 _AT_REST = 2.0
-_CUT = 0.25  # of a step that did not solve the equations
+_CUT = 0.25  # factor by which a step that did not solve the equations is shortened
 
 
 class Before(NamedTuple):
@@ -468,7 +468,7 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
         speed = flow.space.W[rows.planes[p, AIM_SPEED]]
         if not speed[0] > 0.0 or not slips_with_mass(rows, lane.mode, p):
             continue
-        # Mostly, it takes longer at the rate of now.
+        # Usually it takes longer at the current rate.
         if speed[0] + 2.0 * soon * speed[1] < 0.0:
             end, _ = slip_end(speed, flow.order, soon)
             if end < np.inf:

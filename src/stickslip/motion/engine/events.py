@@ -59,8 +59,9 @@ from stickslip.numerics.levels import CLOSEST, FIRED
 from stickslip.translator import compiled
 
 _ZENO_EVENTS = 200
-_TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
-_MEETING = 1e-12  # of its terms, and of what it does in a step: a guard that is zero with another
+_TOGETHER = 1e-12  # fraction of the length of the motion within which events coincide
+# a guard smaller than this, relative to its terms and its change in a step, is zero with another
+_MEETING = 1e-12
 
 
 @compiled()
@@ -117,7 +118,7 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
     clock = lane.clock
     counters = lane.counters
     nk = len(rows.kinks)
-    # Events that coincide have no order, and what lies between them is no mode of the motion.
+    # Events that coincide have no order, and the phases between them are not modes of the motion.
     if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
         counters[WORD] = extended_word(counters[WORD], lane.settled, lane.reg)
     clock[SINCE] = clock[NOW]
@@ -186,7 +187,7 @@ def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, 
     elif not make_jump(machine, flow, here, due, lane.y):
         code = UNDEFINED
     if code < 0:
-        # What is as close to zero as the guard was where it fired, is zero.
+        # A value as close to zero as the guard was when it fired is zero.
         zero = abs(flow.space.V[flow.rows.kinks[kink], 0])
         find_regions(machine, flow, here, kink, zero)
     else:
@@ -355,7 +356,8 @@ def collide_if_closing(
         return NOWHERE, count
     closing = may_collide(rows, cause) and lane.mode[cause - len(rows.kinks)] == 0
     if due >= 0 or not closing:
-        # Another event, or none: what touches meanwhile, up to rounding errors, has its impact.
+        # If the event was another one, or none, contacts that touch meanwhile, up to rounding
+        # errors, have their impact.
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])

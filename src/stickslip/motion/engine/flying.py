@@ -41,7 +41,8 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.translator import compiled
 
-_UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form
+# the mode of the motion has not been examined; otherwise the slot of its closed form
+_UNDECIDED = -1
 
 
 @compiled()
@@ -176,7 +177,7 @@ def decide(
             return _UNDECIDED if held else slot
         number = form.switch[guard]
         c = contact_of(number, nk)
-        # Which of several contacts break their thresholds together is not decided here.
+        # If several contacts break their thresholds together, the choice is not made here.
         if requirement_of(number, nk, nc) >= 0 or (
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):

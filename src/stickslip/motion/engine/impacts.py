@@ -45,9 +45,11 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import NO_SPEED, ROUNDING
 from stickslip.translator import compiled
 
-_TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
-_AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
-_ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
+# fraction of the length of the motion below which the rest of a bounce is negligible
+_TOGETHER = 1e-13
+# square of the fraction of its duration that defines the size of the gaps of a motion
+_AT_FIRST = 1e-9
+_ALMOST = 1e-2  # relative distance from the paradox at which a motion ends
 
 
 @compiled()

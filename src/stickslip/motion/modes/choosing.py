@@ -57,13 +57,14 @@ from stickslip.numerics.levels import CLOSEST
 from stickslip.translator import compiled
 
 _MOST_CANDIDATES = 60000
-_SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
-# what may be said of a mode instead of the number of a violated guard
+# largest factor on rounding errors regarded as zero, if no mode is admissible with less
+_SLACKEST = 1e6
+# results for a mode other than the number of a violated guard
 _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
-_OVER = 16.0  # steps that the time just tells apart, in one that leads over a singularity
-_TOGETHER = 16  # times that the switches of different components are flipped together
+_OVER = 16.0  # length of a step over a singularity, in the shortest steps that times resolve
+_TOGETHER = 16  # number of times that the switches of different components are flipped together
 
 
 @compiled()
@@ -99,11 +100,11 @@ def settle_mode(
     units = 0
     candidate = 0
     total = 0
-    kept = 0  # times that the forces of such a state were put right
+    kept = 0  # number of corrections of the forces of such a state
     flipped = lane.counters[CAUSE]
     slack = 1.0
-    breaks = 1  # whether what such a state lets slip has its static threshold to break
-    denied = 0.0  # longest step of a mode that was denied
+    breaks = 1  # whether a contact has to break its static threshold to slip in such a state
+    denied = 0.0  # longest step of a mode that was rejected
     while True:
         if pivots > 0:
             copy(space.y0, lane.y)
@@ -128,7 +129,7 @@ def settle_mode(
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # maybe at the end of a table
+        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # possibly at the end of a table
         if begins and flip_at_ends(rows, space.W, space.mag, lane.reg):
             continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
@@ -209,14 +210,14 @@ def try_mode(
         return _OTHER_FORCES, count, h, h
     series = shortened_step(flow, mode, lane.reg, h, lane.seen)
     brief = CLOSEST * abs(clock[NOW])
-    # Not twice: an edge is behind it, or it is none.
+    # Not twice: a real edge is passed by the first such step.
     once = fired >= 0 or last < 0.5 * _OVER * brief
     if series <= brief and once and crosses_pieces(rows, mode):
         series = _OVER * brief
         keep_rates(flow)
     step = series
     length = h
-    # Where a slip in a plane is slow, discs cut what is stiff as well.
+    # If a slip in a plane is slow, discs shorten stiff steps as well.
     whole = not step < h or slides_in_plane(flow.rows, mode)
     stiff = quiet and whole and is_implicit_due(flow, lane, step, room)
     if stiff:
@@ -227,7 +228,7 @@ def try_mode(
         fill_powers(space.powers, length / space.W[n, 1])
         guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if stiff and (guard >= 0 or not step > 0.0):
-        # A guard that vanishes is known better from its series.
+        # A vanishing guard is more accurate from its series.
         clock[IMPLICIT] = -RESTING
         space.W[n, 1] = unit
         return _AGAIN, count, h, series
@@ -301,19 +302,19 @@ def choose_next(
     """
     nk = len(reg)
     if candidate == total:
-        # Where forces are not unique, contacts that pivoting never questioned may have to change,
-        # too.
+        # If forces are not unique, contacts that pivoting never changed may have to change, too.
         asked = 0
         for c in range(len(mode)):
             asked += 1 - touched[nk + c]
             touched[nk + c] = 1
         total = candidates(rows, touched, nk)
         if asked == 0:
-            # A contact may be so close to two modes that rounding denies it both.
+            # A contact may be so close to two modes that rounding errors exclude both.
             slack *= 1e2
             if slack > _SLACKEST and breaks == 1:
-                # What has broken its threshold may let others stick by its smaller force. It comes
-                # last: what rounding has denied to stick has broken nothing.
+                # A contact that has broken its threshold may let others stick by its smaller force.
+                # This comes last: a contact that cannot stick because of rounding errors has broken
+                # nothing.
                 slack = 1.0
                 breaks = 0
         candidate = 0

@@ -40,12 +40,13 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.numerics.levels import EPSILON, FIRED, INSTANT, ROUNDING
 from stickslip.translator import RELAXED, compiled
 
-_LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
-_LATE = 2.0 * EPSILON  # part of a time by which that of an event may be wrong
-_DOUBTFUL = 1e-12  # of a threshold: so close to zero it may have become negative
+# largest length of a slip in a plane, in the shortest steps that times resolve
+_LONGEST_END = 1024.0
+_LATE = 2.0 * EPSILON  # relative error of the time of an event
+_DOUBTFUL = 1e-12  # fraction of a threshold: this close to zero it may have become negative
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
-# negative if it is violated at once.
+# negative if it is violated at the start.
 NUMBER, _DEGREE = range(2)
 
 
@@ -154,7 +155,7 @@ def leading_term(
     if guard.is_gap:
         slipping = slack * ROUNDING * powers[1] * guard.rate
     for k in range(1, N):
-        # What has just begun to slip has the acceleration 0 by definition.
+        # A contact that has just begun to slip has zero acceleration by definition.
         at_least = floor if k > 1 else slipping
         if k < N - 1:
             at_least += guard.turning * (k + 1) * abs(c[k + 1])
@@ -321,7 +322,8 @@ def guard_in_plane(
     if mode[c] == 0:
         row = plane[ADMISSIBLE]
         return row, mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1]), 0.0
-    # A slip is over when what is left of it cannot be told from nothing, or its time from its end.
+    # A slip is over when its speed is zero up to rounding errors, or its time cannot be
+    # distinguished from that of its end.
     row = plane[SLIPS]
     rate = whole_rate(rows, mag, c) * unit + abs(W[row, 1])
     late = INSTANT * abs(W[rows.sizes[DIMENSION], 0]) / unit
@@ -367,7 +369,7 @@ def guard_of(
         size = kink_terms(rows, mag, g)
         rate = abs(W[row, 1])
         if rows.timed[g] == 1:
-            around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the clock
+            around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # rounding of the time
         if rows.vanishing[g] >= 0 and powers[1] > 0.0:
             rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
     elif requirement_of(g, nk, nc) >= 0:
@@ -380,7 +382,7 @@ def guard_of(
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
     elif rows.plane[i] >= 0:
         row, size, rate = guard_in_plane(rows, space, mode, i, near)
-        # how fast a speed changes is known however small it is
+        # the rate of change of a speed is known, however small it is
         is_gap = mode[i] != 0 and plane_of(rows, i)[MASSIVE] == 1
     elif opens(rows, i):
         is_gap = mode[i] != 0
@@ -552,8 +554,7 @@ def scan(
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
         if just or slack > 1.0:
-            # A ramp begins at a kink; the force of a contact turns where it does, unless that
-            # leaves no mode.
+            # A ramp begins at a kink; the force of a contact rotates there, unless no mode remains.
             guard = just_fired(guard, late, late if g < nk or slack > 1.0 else 0.0, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
@@ -574,8 +575,8 @@ def scan(
             continue
         labels[count, NUMBER] = g
         labels[count, _DEGREE] = N - 1 - order if s > 0 else -1
-        divide_out(c, order, N)  # what remains starts positive
-        # what remains of a gap is as exact as its velocity
+        divide_out(c, order, N)  # the remaining polynomial starts positive
+        # the remaining polynomial of a gap is as exact as its velocity
         size = 0.0 if guard.is_gap and order > 0 else guard.size
         c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1

@@ -51,10 +51,10 @@ from stickslip.motion.steps.step_size import COARSER, FAINT, LEAST_SIZE, better,
 from stickslip.numerics.levels import EPSILON, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-_PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
-# parts of a step, and of the time, within which a kink is the one that has been passed
+_PAST = 1.0625  # end of the step that contains a kink, relative to the time to the kink
+# relative to a step, and to the time: a kink this close is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
-_LOOSER = 1e4  # tolerances by which rates at the end of a step may differ from the predicted ones
+_LOOSER = 1e4  # difference of the rates at the end of a step from the predicted ones, in tolerances
 
 
 @compiled()
@@ -329,7 +329,7 @@ def matches_prediction(flow: Flow, table: Array, y: Array, seen: Array, h: float
         rounding += late * abs(change[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
-            # A velocity is no more accurate than the nearly cancelling forces that generate it.
+            # A velocity is only as accurate as the nearly cancelling forces that generate it.
             rounding += ROUNDING * mag[rows.noise[rate]] * h * h
         if abs(table[rate, 0] * h - change[i]) > tol * size + rounding:
             return False

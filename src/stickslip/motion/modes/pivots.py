@@ -227,8 +227,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
         if members[n + i] == keep:
             kept = i
     for turn in range(m + 1):
-        # The contact that has just begun to stick comes first: it is the one that must not be let
-        # go again.
+        # The contact that has just begun to stick comes first: it must not be released again.
         i = kept if turn == 0 else turn - 1
         if i < 0 or (turn == 0) != (i == kept):
             continue

@@ -78,11 +78,11 @@ from stickslip.translator import compiled
 # Rows of Space.tried: the mode that pivoting has found; all contacts without their forces; which
 # normal forces are tried, and all of them.
 _FOUND, _FREE, _CHOSEN, _NORMALS = range(4)
-_SLOW = 1e-9  # part of its terms, and of what forces do, below which a velocity is zero
-_HELD = 1e-11  # part of what is wanted that forces may fail to hold
-_AT_BOUND = 1e-9  # part of its bounds within which a force is at one of them
-_MOST_CHOICES = 5000  # of normal forces
-_AHEAD = 1e-3  # of recent steps: how far ahead forces are asked for, which have to last
+_SLOW = 1e-9  # velocity relative to its terms and to the effect of forces below which it is zero
+_HELD = 1e-11  # relative residual of the forces that hold a rest
+_AT_BOUND = 1e-9  # relative distance from a bound within which a force is at it
+_MOST_CHOICES = 5000  # largest number of choices of normal forces
+_AHEAD = 1e-3  # fraction of recent steps for which forces of a rest have to hold
 
 
 @compiled()

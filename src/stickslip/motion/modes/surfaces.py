@@ -60,11 +60,11 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import FIRED, INSTANT, ON_SURFACE, ROUNDING
 from stickslip.translator import compiled
 
-_NOTHING = 1e-250  # a velocity, or a place, that is none in any units
-_MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
-_WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
-_LOOSELY = 1e-3  # of the tolerance, where that is loose
-_TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
+_NOTHING = 1e-250  # velocity or position regarded as zero in any units
+_MOST_STOPS = 24  # projections after which rounding errors underflow
+_WIDE = 4.0  # factor on rounding errors: a velocity that is zero for slip is zero for stick as well
+_LOOSELY = 1e-3  # fraction of the tolerance, if that is loose
+_TOUCHING = 1e-12  # relative to the size of a gap and its change in a step: smaller gaps are zero
 
 
 @compiled(brief=True)
@@ -139,7 +139,7 @@ def release_or_hold(
             stop(flow, W, at.y, mode, c)
     for c in rows.openings:
         if mode[c] == 0:
-            # What is closed stays on the surface itself, too.
+            # A closed contact stays on the surface itself, too.
             part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
             distance = W[rows.gaps[c], 0]
@@ -195,7 +195,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
         if rows.beside[c] == 1:
-            # What is left of rounding errors, in any direction, is nothing. The others may move
+            # A remainder within rounding errors, in any direction, is zero. The others may move
             # coordinates of another part only.
             size = 0.0
             left = 0.0
@@ -203,7 +203,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
                 left += abs(table[rows.u[d], 0])
                 if rows.homes[d, PART] == part:
                     size += abs(R[first + i, rows.homes[d, SEAT] - first])
-            # One direction alone is given as much room as two.
+            # A single direction has the same tolerance as two.
             size *= left if len(block) > 1 else 4.0 * left
             if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
                 y[q] = 0.0

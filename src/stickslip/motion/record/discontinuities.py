@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
+_SMALL = 3e-8  # fraction of the first speed of bounces below which they are combined
 
 
 class Discontinuity(NamedTuple):
@@ -59,7 +59,7 @@ def discontinuities_of(motion: Trajectory) -> dict[int, Discontinuity]:
     begun = 0.0
     found = jumps_of(motion)
     for j, i in enumerate(map(int, index)):
-        # where the bounces began, also if others have looked at the motion in between
+        # the start of the bounces, also if other events were recorded in between
         since = k.cause[int(index[j - 1]) : i] if j > 0 else k.cause[:0]
         goes_on = j > 0 and since[0] == k.cause[i] and bool(np.all(since[1:] < 0))
         begun = begun if goes_on else speed[j]

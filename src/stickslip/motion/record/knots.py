@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Record
 
 
-# What a contact that can open does beside −1, 0, 1: it is open, or closed and without friction.
+# States of a contact that can open, besides −1, 0, 1: open, or closed without friction.
 IS_OPEN, IS_CLOSED = 2, 3
 
 

@@ -47,7 +47,7 @@ class Retraced:
         if not np.any(flown):
             return self.rows_by_steps(k, clock, index)
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
-        # What a flight comes to needs no step from the knot before it: it is a knot itself.
+        # The end of a flight needs no step from the previous knot: it is a knot itself.
         own = index[flown]
         parts = clock[flown], states[flown], k.mode[own], k.region[own], k.cause[own]
         reached = Knots(*parts, origin=k.origin)

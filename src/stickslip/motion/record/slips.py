@@ -45,7 +45,7 @@ def intervals_of_slip(slips: Array, clock: Array) -> Array:
     """Knots at which events begin and end, shape (events, 2): all contacts stick before and
     after."""
     slipping = np.any(slips, axis=1)
-    # A rest without duration is none.
+    # A rest without duration does not count.
     lasts = np.append(np.diff(clock) > 0.0, True)
     knots = np.flatnonzero(lasts)
     change = np.flatnonzero(np.diff(slipping[knots].astype(int)))

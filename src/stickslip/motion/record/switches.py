@@ -208,8 +208,8 @@ class Switches:
         knot, which = np.nonzero(changes)
         names = [*self.columns] + [boundary(g) for g in equations.kinks]
         names += [jump.name for jump in equations.jumps]
-        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
-        # the sides of a jump; last, of a slip in a plane.
+        # The names of the modes −1, 0, 1, of contacts that can open, of the regions 0, 1, and of
+        # the sides of a jump; the last one is for a slip in a plane.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
         words = [*words, "open", "closed", "below", "above", "before", "after", SLIP_WORD]
         said = mode + 1

@@ -12,7 +12,7 @@ from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals, 
 from stickslip.motion.discs.tables import DiscTape
 from stickslip.translator import compiled, row_of
 
-# Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
+# Codes of motion.outcome.Outcome, and one that requests another call with a new record.
 FINISHED = 0
 NO_RATE = 2
 ON_JUMP = 3
@@ -31,24 +31,24 @@ JUMPS_ON = 21
 NO_MODE = 22
 OUTSIDE_TABLE = 24
 FULL = 100
-# What may be said of a candidate mode; or of the step that led to it: that it does not solve the
-# equations.
-# (SINGULAR, 1, and INDEFINITE, 6, are said by `jets`)
+# Results for a candidate mode, or for the step that led to it if it does not solve the equations.
+# (SINGULAR, 1, and INDEFINITE, 6, are defined in `jets`.)
 OK = 0
 NAN = 2
 OFF_SURFACE = 3
 REJECTED = 4
 OVERFLOW = 5
 
-MOST_SHARED = 64  # contacts whose forces an audit may share in another way: their work space is n²
-MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
-AUDIT_NODES = 18  # of an audit, in a piece of a step
-PER_FACE = 24  # rows of Space.facing for each face
+MOST_SHARED = 64  # largest number of contacts with shared forces in an audit: its work space is n²
+# largest number of components of a state with implicit steps: their work space is n²
+MOST_IMPLICIT = 500
+AUDIT_NODES = 18  # largest number of nodes of an audit in a piece of a step
+PER_FACE = 24  # number of rows of Space.facing for each face
 NOWHERE = -1  # no row
 NONE_YET = 9  # no mode of a contact
 
-# Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and
-# internal parts; how many contacts move coordinates of each kind; how many kinks there are.
+# Slots of Rows.sizes: the lengths of the state, and of its inertial, viscous, rate-independent and
+# internal parts; the numbers of contacts that move coordinates of each kind; the number of kinks.
 (
     DIMENSION,
     INERTIAL,
@@ -60,7 +60,7 @@ NONE_YET = 9  # no mode of a contact
     ON_RATE_INDEPENDENT,
     KINKS,
 ) = range(9)
-# What the compiled function `powers` of a system makes: energy, dissipated and supplied power.
+# Results of the compiled function `powers` of a system: energy, dissipated and supplied power.
 STORED, DISSIPATED, SUPPLIED = range(3)
 POWERS_MADE = 3
 # Rows of Space.last_step.
@@ -73,8 +73,8 @@ PART, SEAT = range(2)
 # Columns of Rows.jumps: the kink, the direction, where its parts of the state begin in
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
-FEWEST_ORDERS = 8  # of a Taylor series
-AIMS = 15  # rows of Space.aims for each plane; see stickslip.motion.steps.response
+FEWEST_ORDERS = 8  # smallest order of a Taylor series
+AIMS = 15  # number of rows of Space.aims for each plane; see stickslip.motion.steps.response
 # Columns of Rows.planes: the first direction, the first row of the direction of its slip (the
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
@@ -93,7 +93,7 @@ WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
-EMPTY_WORD = 1  # of a motion that has been in no mode yet
+EMPTY_WORD = 1  # word of a motion that has not entered a mode
 
 
 class Rows(NamedTuple):

@@ -119,7 +119,7 @@ def follow_directions(
         speed = slip_speed(rows, mode, W, p)
         across, longer = 0.0, 0.0
         power = x**N
-        # Without mass Au follows from the direction, and says nothing of it.
+        # Without mass Au follows from the direction and does not determine it.
         asked = speed > 0.0
         for k in range(N, 2 * N - 1 if asked else 0):
             length = 0.0
@@ -201,7 +201,7 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
             inwards += moved * W[plane[AIM] + i, 0]
             square += moved * moved
         along += abs(inwards)
-        # rounding errors of what is across count as across
+        # including the rounding errors of the perpendicular part
         across += math.sqrt(max(square - inwards * inwards, ROUNDED_TERM * square))
     discs[plane[AIM_SPEED], SLOPE] = across
     discs[plane[AIM] + 1, SLOPE] = along

@@ -49,12 +49,12 @@ from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_
 from stickslip.numerics.levels import FIRED, LOWERED, NEWTON_TURNS, ROUNDING
 from stickslip.translator import compiled
 
-_ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
-_FINEST = 1e-7  # … at last, in parts of its value without friction
-_SETTLED = 1e-15  # part of its terms by which it may fail at last
-_MOST_CUTS = 40  # halvings of a step
-_DEPENDENT = 1e-9  # part of D below which a direction is one in which the face is held
-_IMPROVES = 1e-6  # part of its size by which a rate has to improve for another turn
+_ROUNDED = 0.1  # factor by which the rounding-off of R decreases per iteration
+_FINEST = 1e-7  # … and its final value relative to R without friction
+_SETTLED = 1e-15  # final residual relative to its terms
+_MOST_CUTS = 40  # largest number of halvings of a step
+_DEPENDENT = 1e-9  # relative to D: a direction with less is one in which the face is held
+_IMPROVES = 1e-6  # relative improvement of a rate that justifies another iteration
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
 # that inverse, rates of probes (then what holds directions), equations, what is solved for, p and
 # its change.
@@ -202,7 +202,7 @@ def keep_within(own: Array) -> None:
             held[i, j] = 1.0 if i == j else 0.0
     rank = 0
     for _ in range(3):
-        # the column that is longest beside those before
+        # the longest column relative to the previous ones
         longest, most = 0, 0.0
         for c in range(3):
             square = 0.0
@@ -287,7 +287,7 @@ def aim_face(flow: Flow, p: int) -> None:
             break
     for i in range(3):
         aims[AIMS * p + aim_row(i), 0] = w[i]
-    # Where a threshold is just reached, the force beyond it is zero by definition.
+    # When a threshold is just reached, the force beyond it is zero by definition.
     first = abs(own[_K, 1]) > FIRED * size
     aims[AIMS * p + RHO, 0] = own[_K, 1] if first else 0.0
     aims[AIMS * p + LEADING, 0] = 1.0 if first else 0.0
@@ -332,7 +332,7 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
             second = part * bend_at(flow, f, i, j)
             second += less * slope_at(flow, f, i) * slope_at(flow, f, j)
             change[i] += second * equations[j, 3]
-    # where R is rounded off little, a full step may lead to the other side of 0
+    # if R is rounded off little, a full step may cross 0
     share, gone = 1.0, 0.0
     for _ in range(_MOST_CUTS):
         for i in range(3):

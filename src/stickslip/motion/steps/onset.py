@@ -49,15 +49,15 @@ from stickslip.motion.steps.response import (
 from stickslip.numerics.levels import EPSILON, NEW_DIRECTION, NEWTON_TURNS
 from stickslip.translator import compiled
 
-# Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
-# 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
+# Relative to its terms: a smaller order of |Au| is zero. Rest of a body is proved up to 1e-11 of
+# the thresholds (`leaving.py`), so a slip may begin later by that.
 NEGLIGIBLE = 1e-10
-MOST_LEADING = 5  # orders of |Au| that may vanish
-_ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
-_FINEST = 1e-9  # … at last, in parts of the accelerations without friction
-_ACROSS = 1e-13  # square of the part of a velocity across others
-_FULL = 1e-4  # part of the friction that what begins to slip may lack then
-_SURE = 1e-9  # change of Newton's method below which it has settled
+MOST_LEADING = 5  # largest number of vanishing orders of |Au|
+_ROUNDED = 0.1  # factor by which the rounding-off of |u| decreases per iteration
+_FINEST = 1e-9  # … and its final value relative to the accelerations without friction
+_ACROSS = 1e-13  # squared fraction of a velocity that is perpendicular to others
+_FULL = 1e-4  # fraction of the friction that may be missing at the beginning of a slip
+_SURE = 1e-9  # step of Newton's method at which it has converged
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
@@ -211,7 +211,7 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
-    # No order of an earlier slip is left.
+    # Remove all orders of an earlier slip.
     for row in range(len(onset)):
         for k in range(onset.shape[1]):
             onset[row, k] = 0.0
@@ -262,7 +262,8 @@ def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int
         refined = refine_aim(machine, flow, at, table, rank, size)
     if refined and (not bends or respond_at(machine, flow, at, table, True) == OK):
         return rank
-    # What lacks most of its friction does not begin, nor does what the others do not let move.
+    # A contact whose force is far below its threshold does not begin, nor does one that the others
+    # do not let move.
     if size > 0.0:
         rounded_off(machine, flow, at, table, rank, tried, rounded, True, right)
     for p in range(len(rows.planes)):
@@ -591,7 +592,7 @@ def aim_order_together(flow: Flow, rank: int, m: int, lost: float) -> None:
         way[r] = onset[_FIRST + r, 0]
     others = place_face(flow, rank, way) if leading != 1 else rank - 1
     number = rank - others
-    # What the first turn finds in a face bends the directions of the second.
+    # The result of the first iteration in a face changes the directions of the second.
     for _ in range(1 if number == 1 else 2):
         for r in range(rank):
             way[r] = onset[_FIRST + r, 0]

@@ -22,16 +22,18 @@ from stickslip.motion.steps.step_size import LEAST_SIZE, better, companion, impu
 from stickslip.numerics.levels import EPSILON, ROUNDING
 from stickslip.translator import compiled
 
-_MOST = max(ORDERS) // 2  # stages
-_RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
-_MOST_CORRECTIONS = 12  # iterations of Newton's method for each length
-_CONVERGES = 0.5  # factor by which corrections fall at least: a shorter step is cheaper than more
-_SLOW = 0.03  # factor by which corrections fall where the matrix is recomputed
-# part of a rounding error that is none, since what follows has to make up for it
+_MOST = max(ORDERS) // 2  # largest number of stages
+# sum of the semi-axes of the ellipse around [0, H] in the disc of radius 2H
+_RHO = 3.0 + math.sqrt(8.0)
+_MOST_CORRECTIONS = 12  # largest number of Newton iterations for each length
+# largest ratio of successive corrections: with a larger one a shorter step is cheaper
+_CONVERGES = 0.5
+_SLOW = 0.03  # ratio of successive corrections above which the matrix is recomputed
+# fraction of a rounding error that is zero, since subsequent terms compensate it
 _NOTHING = 1.0 / 32.0
-_VAGUE = 1e-3  # part of its size to which a part of the state has to be known
-_AMPLIFIED = 1e3  # times that it may be worse where it is nothing but rounding errors of its rate
-_NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
+_VAGUE = 1e-3  # required relative accuracy of a component of the state
+_AMPLIFIED = 1e3  # factor on it for a component that is a rounding error of its rate
+_NUDGE = 2.0**-26  # relative change of a component of the state for a numerical derivative
 
 
 def _stages(s: int) -> tuple[Array, Array, Array, float]:
@@ -78,8 +80,8 @@ def _tables() -> tuple[Array, Array, Array, Array, Array]:
 
 
 STAGE_NODES, SLOPES, TERMS, HIDDEN_PARTS, POWERS = _tables()
-_LOWEST = min(ORDERS)  # of the orders of series: 8, 12, 16, …
-_APART = 4  # distance of two of them
+_LOWEST = min(ORDERS)  # lowest order of the series: 8, 12, 16, …
+_APART = 4  # difference of successive orders
 
 
 class Stages(NamedTuple):

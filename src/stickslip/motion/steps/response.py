@@ -41,7 +41,7 @@ from stickslip.translator import compiled
 # of a face (:mod:`stickslip.motion.steps.face_onset`), and both half axes, in columns 0 and 1, with
 # 1 in column 2 if there are any.
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ, AXES = range(14)
-_ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
+_ANSWERED = 1e-10  # response relative to the largest above which it is more than a rounding error
 
 
 @compiled(brief=True)
@@ -249,7 +249,7 @@ def span_rates(flow: Flow) -> int:
         for i in range(n):
             span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
             size = max(size, abs(span[rank, i]))
-        # What the body cannot do is answered by rounding errors.
+        # The response in a direction in which the body cannot move is a rounding error.
         if size > _ANSWERED * largest and is_new(n, span, rank, NEW_DIRECTION):
             rank += 1
     return rank

@@ -35,17 +35,17 @@ from stickslip.motion.steps.contacts import directions_of, is_loose, own_directi
 from stickslip.numerics.levels import LAST_DIGITS, ROUNDING
 from stickslip.translator import compiled
 
-# Rows of Space.along: the unit vector at which support functions are asked, how a mechanism moves a
-# contact, and a force inside its set.
+# Rows of Space.along: the unit vector at which support functions are evaluated, how a mechanism
+# moves a contact, and a force inside its set.
 _UNIT, MOVED, _INNER = range(3)
-# Of each formula in Space.supported: S, its first and second derivatives (xx, xy, xz, yy, yz, zz),
-# and the middle.
+# For each formula, columns of Space.supported: S, its first and second derivatives (xx, xy, xz, yy,
+# yz, zz), and the middle.
 _VALUE, _X, _Y, _Z, _XX, _XY, _XZ, _YY, _YZ, _ZZ, _MIDDLE = range(11)
 PER_FORMULA = 13
-_ANGLES = 32  # in which the forces of a formula are compared with S
-_MOST_TURNS = 32  # of Newton's method between them
-_HALVINGS = 50  # of the way into a set
-_ANGLE_KNOWN = 1e-9  # part of an arc within which the nearest point of it is known
+_ANGLES = 32  # number of directions in which the forces of a formula are compared with S
+_MOST_TURNS = 32  # largest number of Newton iterations between these directions
+_HALVINGS = 50  # number of bisections of the segment into a set
+_ANGLE_KNOWN = 1e-9  # fraction of an arc within which its nearest point is known
 
 
 @compiled()

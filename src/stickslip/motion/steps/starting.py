@@ -83,10 +83,11 @@ from stickslip.numerics.levels import EPSILON, FIRED, INSTANT, ROUNDING
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
-_ANGLES = 24  # that are tried at first
-_LATE = 64.0  # errors of a time, or of a velocity, by which what is zero may be away from it
-_RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
-_MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
+_ANGLES = 24  # number of angles that are tried first
+_LATE = 64.0  # zero threshold in errors of a time, or of a velocity
+_RANK_ONE = 64.0 * EPSILON  # eigenvalue relative to the largest below which it is zero
+# largest number of iterations for slips that begin together, and for a secular equation
+_MOST_TURNS = 60
 
 
 @compiled()
@@ -220,7 +221,7 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
                 left -= speed[first + j] * table[aim + i, k - j]
             table[aim + i, k] = left
             forward += table[aim + i, 0] * left
-        # left = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ is what is left of n·n = 1
+        # left = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ follows from n·n = 1
         speed[first + k] = forward + 0.5 * size * square
         for i in range(width):
             left = table[aim + i, k] - speed[first + k] * table[aim + i, 0]
@@ -268,8 +269,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             status = aim_where_it_bends(machine, flow, at, begun)
             if status != OK:
                 return status
-    # The leading orders of |Au|, and with them p; beyond, only what is asked for.
-    # What would begin against its direction does not, as its guard says: no more is asked of it.
+    # The leading orders of |Au|, and with them p; beyond, only what is requested. A slip that would
+    # begin against its direction does not begin, as its guard reports, and needs no further orders.
     orders = order - 1 if order > 1 else 1
     m = 1
     while m < orders:
@@ -292,7 +293,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         if rank > 0:
             before = leading_order(flow)
             aim_order_together(flow, rank, m, lost)
-            # How a moving body turns slips that begin on it follows from orders of Au behind the
+            # The rotation of slips that begin on a moving body follows from orders of Au above the
             # leading one.
             if before == 1 and leading_order(flow) > 1:
                 discard_orders(flow)
@@ -410,7 +411,7 @@ def aim_first(flow: Flow) -> None:
             change = max(change, abs(n - aims[base + N_, 0]) + abs(m - aims[base + M_, 0]))
             aims[base + N_, 0], aims[base + M_, 0] = n, m
             size = math.hypot(x, y)
-            # Where a threshold is just reached, the force beyond it is zero by definition.
+            # When a threshold is just reached, the force beyond it is zero by definition.
             first = abs(rho) > FIRED * size
             aims[base + RHO, 0] = rho if first else 0.0
             aims[base + LEADING, 0] = 1.0 if first else 0.0
@@ -557,7 +558,7 @@ def secular_root(
     size = math.hypot(x, y)
     if not size > 0.0:
         return 1.0, 0.0, -low
-    # What is zero in (x, y) and D stays zero in n: no axes of D are computed.
+    # A component that is zero in (x, y) and D stays zero in n: no axes of D are computed.
     if moves_along_one(a, b, c, x, y, wide):
         n, m = (a, b) if a >= c else (b, c)
         side = math.copysign(math.hypot(n, m), n * x + m * y)
@@ -567,7 +568,7 @@ def secular_root(
     rho = size - low
     for _ in range(_MOST_TURNS):
         if not rho + low > 4.0 * EPSILON * middle:
-            return x / size, y / size, rho  # nothing begins: the force is below the threshold
+            return x / size, y / size, rho  # no slip begins: the force is below the threshold
         n, m = solved(a, b, c, rho, x, y)
         length = math.hypot(n, m)
         p, q = solved(a, b, c, rho, n, m)
@@ -639,7 +640,7 @@ def aim_order(flow: Flow, m: int) -> None:
             size = abs(x) + abs(y) + abs(ax) + abs(ay)
             k = m + 1 - leading
             if leading == 1:
-                # nₘ stands on both sides
+                # nₘ occurs on both sides
                 rho = aims[base + RHO, 0]
                 cx += rho * o
                 cy -= rho * n
@@ -654,8 +655,8 @@ def aim_order(flow: Flow, m: int) -> None:
             # (x, y) + ν (cx, cy) = ρₖ n₀
             across = -o * x + n * y
             slope = -o * cx + n * cy
-            # What moves in one direction alone is not turned by forces across: there the next
-            # orders of its velocity say how n turns.
+            # Motion in one direction alone is not rotated by transverse forces: the next orders of
+            # its velocity determine the rotation of n.
             turns = abs(slope) > _RANK_ONE * (abs(ax) + abs(ay))
             nu = -across / slope if turns else 0.0
             if not turns and leading > 1 and k > 0:

@@ -48,25 +48,25 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.numerics.levels import EPSILON, INSTANT, ROUNDING
 from stickslip.translator import compiled
 
-LEAST_SIZE = 1e-250  # what is smaller is nothing
-# part of the largest place, or velocity, below which others are nothing, too: what is far from all
-# that moves begins like a high power of time
+LEAST_SIZE = 1e-250  # smaller sizes are regarded as zero
+# fraction of the largest displacement, or velocity, below which others are zero, too: a component
+# far from all that moves begins like a high power of time
 FAINT = 1e-30
-_MOST_FAINT = 8  # steps that are tried for those
+_MOST_FAINT = 8  # largest number of steps that are tried for those
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
 _LONG = 2.0**10  # longest one
-COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
-MOST_UNITS = 60  # that are tried
-_MOST_CUTS = 1100  # halvings from the largest number to nothing
-_DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
-# parts of the time to the end of a slip: by how much, at least, a step goes beyond it, or up to
-# where one goes for which that is too long
+COARSER = 2.0**-16  # factor on a unit of time in which coefficients overflow
+MOST_UNITS = 60  # largest number of units that are tried
+_MOST_CUTS = 1100  # number of halvings from the largest number to zero
+_DENSE = 6  # lowest order of a last term from which the decay of the terms of a row is estimated
+# fractions of the time to the end of a slip: smallest excess of a step beyond it, and length of a
+# step if that is too long
 _BEYOND, _WELL_BEFORE = 2.0**-10, 0.75
-_MOST_TURNS = 20  # of Newton's method
-# radii of the discs that are looked at, in steps: what grows is bounded better by a wide one, what
-# has a singularity near by, as a slip in a plane that is braked has, by a narrow one
+_MOST_TURNS = 20  # largest number of Newton iterations
+# radii of the discs in steps: growth is bounded better by a wide disc, a nearby singularity, as in
+# a slip in a plane that is braked, by a narrow one
 _WIDE, _NARROW = 2.0, 1.4
-_LOOSE = 1e-3  # part of its size that may be hidden in a row
+_LOOSE = 1e-3  # relative size of hidden terms of a row that is accepted
 
 
 @compiled()
@@ -99,13 +99,13 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if is_zero_margin(flow.rows, mode, r):
             continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
-            # Of forces, and what else is no state, at a beginning only: where directions turn,
-            # small terms of later steps tell how far these are known.
+            # For forces and other rows that are not states, at a beginning only: when directions
+            # rotate, small terms of later steps measure the accuracy of these rows.
             lost = lost_terms(flow, i) if i < n or not seen[i] > 0.0 else 0.0
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol, lost))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
         if not seen[i] > 0.0:
-            # Where a motion is followed again, the direction of a slip counts, and not its smaller
+            # When a motion is recomputed, the direction of a slip counts, not its smaller
             # component.
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
@@ -116,11 +116,11 @@ def step_size(flow: Flow, mode: Array, N: int, seen: Array, last: float) -> floa
         if i < 2 * nq:
             size += far if i < nq else slow
         if noise[i] >= 0:
-            # What cancels in a rate is known to rounding only.
+            # A rate with cancellation is known only up to rounding errors.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
         if made[i] >= 0:
-            # Friction in a plane leaves what is zero to what forces, if none cancelled, would make
-            # of a place, or of a gap, in a step: to their rounding errors.
+            # A component that is zero under friction in a plane has the rounding errors of the
+            # displacement, or gap, that the forces would cause in a step if they did not cancel.
             step = last if last > 0.0 else unit
             size += EPSILON / tol * (mag[made[i]] * step * step)
         if size > 2.0 * LEAST_SIZE:
@@ -208,7 +208,7 @@ def lost_terms(flow: Flow, i: int) -> float:
     elif place >= 0:
         size = mag[place]
         if place < contacts:
-            # What is zero by definition in a relative velocity is a rounding error of its rate.
+            # A relative velocity that is zero by definition has the rounding error of its rate.
             size += unit * mag[contacts + place]
     return float(ROUNDING * size)
 
@@ -406,8 +406,8 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
     pieces, massive = crosses_pieces(rows, mode), slides_in_plane(rows, mode)
     for turn in range(_MOST_CUTS):
         # R of a face has a singularity at the end of each piece, the speed of a mass complex zeros
-        # beside its path. For the latter one try is enough: where it fails, shorter steps are
-        # judged sooner by the wide disc alone.
+        # near its path. For the latter one attempt is enough: if it fails, shorter steps are
+        # assessed faster by the wide disc alone.
         narrow = pieces or (massive and turn == 0)
         excess = unseen(flow, mode, reg, h, seen, narrow)
         if excess > 1.0 and turn == 0:
@@ -536,15 +536,15 @@ def unseen_within(
     discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
     spread_given(flow, mode, N)
-    part = around ** float(-N)  # of the radius of a disc that is left over
+    part = around ** float(-N)  # radius of the remaining disc
     first = 0
     last = p.leading[0]
     while True:
         spread(tape, mode, reg, first, last)
         if first > 0:
             break
-        # Mostly the instructions that may hide something hide nothing, and the others need not be
-        # asked.
+        # Usually the instructions that may hide something hide nothing, and the others are not
+        # examined.
         if not may_hide(tape, part):
             return 0.0
         spread_state(W, N, powers, flow.rows.watched[:n], discs)
@@ -612,8 +612,8 @@ def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float
             size += EPSILON / tol * mag[rows.noise[r]] * h
         worst = share(worst, discs[p.rates[r]], h, part, tol, size)
         if discs[p.rates[r], OFF] > 0.0 and abs(W[r, 0]) < atol * seen[r]:
-            # A motion does not pass where its own rate has no derivative, such as √x at 0, however
-            # little is left of it.
+            # A motion does not continue where its own rate has no derivative, such as √x at 0,
+            # however small the remaining step.
             worst = share(worst, discs[p.rates[r]], h, part, tol, own)
     for i in range(n, len(rows.watched)):
         r = rows.watched[i]

@@ -67,17 +67,17 @@ from stickslip.motion.steps.step_size import (
 from stickslip.numerics.levels import EPSILON, INSTANT
 from stickslip.translator import compiled
 
-_AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that is
-_COARSER = 1e3  # of tolerances with which a motion is followed again: those that found it
-# tolerances that the terms of a third of the order may have where a step is bounded by what decays
-_CALM = 1e5
-# rounding errors of forces in the time of a series, to which what is zero by symmetry amounts in
-# these terms; a stiff oscillation that is larger is a motion
+_AT_THE_END = 1e-3  # fraction of a step that ends a slip: distance to its end regarded as close
+# factor on the tolerances when a motion is recomputed, relative to those that found it
+_COARSER = 1e3
+_CALM = 1e5  # terms of a third of the order, in tolerances, for which decay limits a step
+# terms that are zero by symmetry, in rounding errors of the forces during a series; a larger stiff
+# oscillation is a motion
 _LOST = 16.0
-_TURNS = 30.0  # radians of an oscillation that no polynomial of a step can follow
-WATCHED = 32  # such steps in succession, before a polynomial is tried
-RESTING = 2048  # and after one has not been worth its cost
-_MOST_TRIES = 12  # lengths of a polynomial
+_TURNS = 30.0  # radians of an oscillation that a polynomial of a step cannot represent
+WATCHED = 32  # number of such steps in succession before a polynomial is tried
+RESTING = 2048  # number of steps after a polynomial that did not repay its cost
+_MOST_TRIES = 12  # largest number of lengths of a polynomial
 
 
 @compiled()
@@ -108,7 +108,8 @@ def vanishing(flow: Flow, r: int, h: float, tol: float, atol: float, seen: Array
     W, mag = flow.space.W, flow.space.mag
     x = h / W[flow.rows.sizes[DIMENSION], 1]
     size = abs(W[r, 0]) + abs(W[r, 1]) * x + atol * seen[r]
-    # What stays zero by symmetry is the rounding errors of the forces, which decay at all rates.
+    # A component that stays zero by symmetry has the rounding errors of the forces, which decay at
+    # all rates.
     return float(_CALM * tol * size + _LOST * EPSILON * impulse(flow.rows, mag, r, h))
 
 
@@ -207,8 +208,8 @@ def follow_mode(
     """
     N = flow.order
     n = flow.rows.sizes[DIMENSION]
-    # Where a step goes on, what decays by finer ones may be the rounding errors of where its last
-    # piece ended.
+    # When a step is continued, finer steps may only damp the rounding errors at the end of its last
+    # piece.
     coarser = _COARSER if last > 0.0 else 1.0
     tol, atol = coarser * flow.tol, coarser * flow.atol
     before = last
@@ -219,7 +220,7 @@ def follow_mode(
             return order, room, room
         least = cost_in_series(n) * h
         if before > least:
-            # the piece before was no series, whose length would tell what may change in one
+            # the previous piece was not a series, whose length would bound the change in one step
             before = h
             continue
         if step == 0.0 or not (

@@ -29,21 +29,19 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
-NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
-_SLANTED = 0.3  # least cosine between the motion and the normal of its section
-KNOWN_TO = 1e-13  # of the size of the cycle: what a motion is known to
-CLOSES_TO = (
-    1e-11  # by so much a cycle may fail to close, in the same units, if Newton's method can help
-)
-WIDTH = 0.25  # part of the range of the parameter that is its unit
-_FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
+_FAR = 1.0  # reach of a chart, in units of the size of the cycle
+NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is not a cycle
+_SLANTED = 0.3  # smallest cosine between the motion and the normal of its section
+KNOWN_TO = 1e-13  # accuracy of a motion relative to the size of the cycle
+CLOSES_TO = 1e-11  # largest closure error, in the same units, if Newton's method can improve it
+WIDTH = 0.25  # unit of the parameter as a fraction of its range
+_FLOOR = 2e-3  # smallest unit of a component relative to its modulus
 # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
 _VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
 _HALVED = 2e-2
 _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
-_NO_SLOPE = 1e-7  # slope of the parameter along the curve that is that of a fold
+_NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
 class OutOfChart(StickslipError):

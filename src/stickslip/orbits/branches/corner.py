@@ -42,30 +42,31 @@ from stickslip.orbits.return_map.recurrence import segments
 
 _FAILURES = (Lost, *NOT_DEFINED)
 _TOLERANCE = 1e-11
-_LOCATED = 1e-12  # a corner is located to this length …
-# … and left along the tangent so far before it: nearer, what is touched is taken for crossed no
-# more
+_LOCATED = 1e-12  # accuracy of the location of a corner …
+# … and distance before it at which the tangent is used: nearer, touching and crossing are not
+# distinguished
 _TANGENT = 1e-8
-# a cycle this far before it can be certified: at the corner there are no derivatives
+# distance before a corner at which a cycle can be certified: the corner has no derivatives
 _BESIDE = 1e-9
-_MOST = 400  # steps towards a corner
-# a station nearer to the end of its phase, as a fraction of it, is no evidence of a return
+_MOST = 400  # largest number of steps towards a corner
+# a station nearer to the end of its phase, as a fraction of it, is not evidence of a return
 _EDGE = 0.1
-# least cosine between the direction beyond a corner and the chord to the point found there
+# smallest cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
-_BACK = -1.0 + 1e-6  # cosine of a direction that leads back where one came from
-_DIRECTIONS = 3  # that are tried one after the other
-_HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
-# how far along a ray the onset of a stick is looked for
+_BACK = -1.0 + 1e-6  # cosine below which a direction leads backwards
+_DIRECTIONS = 3  # number of directions that are tried sequentially
+_HELD_TO = 10.0 * HELD  # largest gap of cycles on which a contact is carried along
+# positions along a ray at which the onset of a stick is searched for
 _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
-_SECANTS = 3  # first steps towards it
-_FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
-# how far beyond a corner the other side is looked for …
+_SECANTS = 3  # initial secant steps towards it
+# factor on the distance beyond a corner at which slip in both directions is tested
+_FURTHER = 100.0
+# distances beyond a corner at which the other side is searched for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-_THERE = 1e-6  # … how far its derivatives are asked …
-_ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
-_NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
-_LENGTHS = (1e-5, 1e-4, 1e-6)  # of steps along an edge; one of them leads to a cycle
+_THERE = 1e-6  # … at which its derivatives are evaluated …
+_ONWARD = (1e-7, 1e-6, 1e-5)  # … and at which cycles are searched for, …
+_NEARER = (3e-8, 1e-8)  # … closer if the branch bends too much on the way
+_LENGTHS = (1e-5, 1e-4, 1e-6)  # lengths of steps along an edge; one of them leads to a cycle
 
 
 @dataclass(frozen=True)
@@ -171,14 +172,15 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
             y = _along(rays[1], _to_the_onset(rays[1]))
             cycle = there.cycle(y)
     if onward is not None and not onward.gap(y, chart.on_edge).ok:
-        # What is too short to count ends before the place where both sides meet.
+        # A phase that is too short to count ends before the point where both sides meet.
         if kind != "stick onset":
             with suppress(*_FAILURES):
                 x, y = _moved(rays, _to_the_meeting(rays[1], onward))
         if edge is None and not onward.gap(y, chart.on_edge).ok:
             onward = _onward(there, y, towards, trial, here, _NEARER)
     if edge is None and onward is not None:
-        # Just beyond, a phase may be gone whose twin is only too short a little later.
+        # Just beyond, a phase may have vanished whose symmetric counterpart becomes too short
+        # slightly later.
         kind, note = change_of(equations, here, sequence(onward.chart.orbit(onward.x).motion))
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
@@ -338,8 +340,8 @@ def _approach(
             trial = _solved(chart, x + units * tangent * step, units, tangent)
             orbit = chart.orbit(trial)
             chart.check(orbit)
-            # Where a boundary is about to be touched the derivatives have no bound, and nothing
-            # closes to rounding: this side ends with the last cycle that closes.
+            # Near a grazing contact the derivatives are unbounded, and no cycle closes to machine
+            # precision: this side ends with the last cycle that closes.
             same = sequence(orbit.motion) == here and chart.shooting.miss(orbit) <= CLOSED
             ahead = tangent
             if same and step > _TANGENT:

@@ -78,17 +78,17 @@ from stickslip.stopping.scopes import limited
 _STEPS = StepControl(
     first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO, left=CLOSES_TO
 )
-_IN_CHART = 8  # points before the chart is renewed
+_IN_CHART = 8  # number of points before the chart is renewed
 _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is renewed
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
-# what is not seen to vanish is followed to sizes that are smaller by this factor, …
 # special points at which phases neither appear nor vanish
 _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
-_SAME = 1e-6  # of the range, and of the size of a cycle: corners this near are one
-_SMALLER = 0.1
-_TINY = 1e-5  # … down to this part of the state
+# corners this near, relative to the range and the size of a cycle, are regarded as one
+_SAME = 1e-6
+_SMALLER = 0.1  # factor on the smallest size while a cycle is not found to vanish, …
+_TINY = 1e-5  # … down to this fraction of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -402,7 +402,7 @@ class _Follower:
             return f"the cycle grows without bound, to {grown:.3g} times the initial state"
         smooth = len(cycle.phases) == 1
         if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
-            # What drives it vanishes, and the cycle in proportion.
+            # Its excitation vanishes, and the cycle in proportion.
             value, _ = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]
             about = round(value / width, 4) * width

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
     from stickslip.orbits.cycles.cycle import Cycle
 
-APART = 0.3  # neighbours on a branch are at most so far from each other …
-TWICE = 1e-10  # … and at least so far: nearer ones are one
+APART = 0.3  # largest distance of neighbours on a branch …
+TWICE = 1e-10  # … and smallest one: nearer cycles are regarded as one
 _STEP = {
     "long_name": "distance from the previous point: largest change of parameter, period and "
     "ranges, relative to those of the branch"
@@ -195,7 +195,7 @@ def _peaks(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     equations = cycles[0].trajectory.problem.compiled.equations
     for i, contact in enumerate(equations.contacts):
         if contact.plane > 1 or contact.side_of:
-            continue  # the first component stands for both
+            continue  # the first component represents both
         peaks = [c.sums.peak[i] for c in cycles]
         if contact.opens:
             what = quantity(system, contact.name)

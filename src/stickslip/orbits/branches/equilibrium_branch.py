@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 _STEPS = StepControl(first=0.005, largest=0.02)
 MOST_PIECES = 50
 """Modes and regions that a branch of equilibria passes at most."""
-_AHEAD = 1e-3  # part of a first step, over which the guards beyond a boundary are compared
+_AHEAD = 1e-3  # fraction of a first step over which the guards beyond a boundary are compared
 _REAL = 1e-8  # imaginary part, relative to an eigenvalue, that is rounding: √ε where two meet
 
 
@@ -249,7 +249,7 @@ class _Follower:
         def onward(start: Start[Steady], path: Path) -> Start[Steady] | Ending:
             certified = self._certified(start.of, path)
             if start.problem.accept is None and not all(_solved(found) for found, _ in certified):
-                # Then every point is measured before the next one is looked for.
+                # Then every point is measured before the next one is computed.
                 return self._start(start.of, start.x, start.towards, careful=True)
             piece = _Piece(start.of, path, certified)
             pieces.append(piece)
@@ -427,7 +427,7 @@ class _Follower:
                 if "fold" in names and any(
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
-                    names.remove("fold")  # where branches cross, one of them may turn
+                    names.remove("fold")  # one of two branches that cross may turn
                 found.append(
                     Station(
                         piece.steady,
@@ -600,7 +600,7 @@ def hopf_test(eigenvalues: Array) -> float:
     first, second = _pairs(len(eigenvalues))
     sums = eigenvalues[first] + eigenvalues[second]
     sizes = np.abs(eigenvalues[first]) + np.abs(eigenvalues[second])
-    # Sums that vanish identically, as without damping, are left at zero: their rounding has no sign
-    # to change.
+    # Sums that vanish identically, as without damping, are set to zero: the sign of a rounding
+    # error must not change.
     part = np.where(np.abs(sums) > ROUNDED_SUM * sizes, ratio(sums, sizes), 0.0)
     return float(np.prod(part).real)

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STEPS = StepControl(first=0.005, largest=0.02)
-_BESIDE = 1e-4  # part of the range of a parameter, over which eigenvalues are compared
+_BESIDE = 1e-4  # fraction of the range of a parameter over which eigenvalues are compared
 Numbers = Callable[[Array], dict[str, float]]
 
 
@@ -398,8 +398,8 @@ class _Curve:
     def certificate(self, x: Array, problem: _Extended) -> Certificate:
         """Certificate of the equilibrium, with the residual of the conditions on its eigenvalue
         along the curve."""
-        # A component that is zero all along the curve, as a rate is, is known to the rounding of
-        # what counts in it, not of itself.
+        # A component that vanishes along the curve, such as a rate, has the rounding errors of its
+        # terms, not of its value.
         beside = np.where(problem.start == 0.0, problem.least, problem.start)
         found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(beside))
         value, slopes = problem.residual(x)
@@ -534,7 +534,7 @@ def _hopf_problem(curve: _Curve) -> _Extended:
     eigenvalue, q = critical_pair(derivatives(curve.y, steady.values)[0])
     first = q.real / np.linalg.norm(q.real)
     other = q.imag - (q.imag @ first) * first
-    # Of the plane of v, the direction across the first v is shut out.
+    # In the plane of v, the direction perpendicular to the first v is excluded.
     across = ex.add(*((x, float(w)) for x, w in zip(v, other / np.linalg.norm(other), strict=True)))
     twice = curve.image(curve.image(v))
     residual = curve.extended(

@@ -21,7 +21,7 @@ from stickslip.orbits.return_map.damped_newton import Closed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_MISSED = 1e-6  # distance of a multiplier from −1 where a search ended that jumped across
+_MISSED = 1e-6  # distance of a multiplier from −1 at the end of a search if it jumped across
 
 
 def half_gap(closed: Closed) -> float:

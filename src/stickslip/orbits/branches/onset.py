@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_AHEAD = 1e-6  # part of the period over which a rate is differenced
+_AHEAD = 1e-6  # fraction of the period for the numerical derivative of a rate
 
 
 @dataclass(frozen=True)

@@ -54,9 +54,9 @@ if TYPE_CHECKING:
 
 
 _STEPS = StepControl(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
-_IN_CHART = 6  # points before the chart is renewed
-_DIFFERENCE = 1e-7  # of the unknowns, in their units, for derivatives
-# margin of the cycles on the curve: closer to the onset rounding decides on the next mode
+_IN_CHART = 6  # number of points before the chart is renewed
+_DIFFERENCE = 1e-7  # step of numerical derivatives, relative to the units of the unknowns
+# margin of the cycles on the curve: closer to the onset, rounding errors determine the next mode
 _SLIPPING = 1e-9
 _AT_ONSET = 1e-3  # a cycle with a larger margin is not at the onset
 _VANISHES = "the cycle shrinks to an equilibrium"

@@ -28,24 +28,25 @@ if TYPE_CHECKING:
     pass
 
 
-# a located multiplier or slope is this close to its critical value, else it jumps there
+# largest distance of a located multiplier or slope from its critical value, unless it jumps
 _NEAR = 1e-4
-_FLAT = 1e-9  # values of a test function that are rounding
-_MOST_CHANGES = 8  # located within one step
+_FLAT = 1e-9  # values of a test function that are rounding errors
+_MOST_CHANGES = 8  # largest number of changes located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
-HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short to count
-_TOGETHER = 1e-6  # changes that are nearer to each other are one
+# largest distance from a change at which its sides end, with phases too short to count
+HIDDEN = 3e-7
+_TOGETHER = 1e-6  # changes that are nearer to each other are regarded as one
 _APART = "the cycles on both sides of a sequence change do not meet"
-NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
-_NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
-# distance from a change at which derivatives are those of that side
+NOT_SMOOTH = "not smooth: the sequence changes there"  # note of a fold
+_NEARBY = 0.1  # a cycle this near, as a fraction of the step, is preferred to the ends of the step
+# distances from a change at which derivatives are those of that side
 _ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
 # slope of the parameter at a fold; the error of the fold is of the order of its square
 _TURNS = 1e-8
-# how far around the place of a change the place is looked for where a contact begins to stick
+# distances from a change at which the onset of stick is searched for
 _AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
-_CLOSE = 1e-13  # a change is enclosed to this length
-_FINE = 1e-11  # corrector's tolerance where a change is located
+_CLOSE = 1e-13  # length of the enclosure of a change
+_FINE = 1e-11  # tolerance of the corrector when a change is located
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     x = change.x
     gap, off = _gap(finder, change.place, before, beyond)
     if kind != "stick onset" and gap > SOLVED_TO and abs(off) <= HIDDEN:
-        # What is too short to count ends on both sides before the place where they meet.
+        # A phase that is too short to count ends on both sides before the point where they meet.
         x = finder.at(change.place + off)
         gap, _ = _gap(finder, change.place + off, before, beyond)
     if gap > _TOGETHER:
@@ -233,11 +234,11 @@ class _Finder:
     def first_change(self, low: float, high: float) -> _Passed:
         """The first change between two places with different sequences."""
         with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
-            # What was found before something fails encloses the change.
+            # The points found before a failure enclose the change.
             self._enclose(low, high)
             before, beyond = self._around()
             if self.seen[before][2] == 0.0 and beyond - before > _TOGETHER:
-                # What vanishes there may be of the change before.
+                # A value that vanishes there may belong to the previous change.
                 low = before + _TOGETHER
                 if self(low) > 0.0:
                     self._enclose(low, beyond)
@@ -269,7 +270,7 @@ class _Finder:
             inside = [side for side in sides if ends[0] < side.expected < ends[1]]
             trial = inside[0].trial(width) if inside else math.nan
             if look % 3 == 2:
-                # What does not halve within three looks is halved.
+                # An interval that is not halved within three evaluations is bisected.
                 trial = trial if width <= 0.5 * halved else math.nan
                 halved = width
             if not ends[0] < trial < ends[1]:

@@ -53,13 +53,14 @@ Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
 _BRIDGE = 1e-4  # longest step over which the orientation of the curve may change
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
-# a test function that is this small, relative to its values at the ends of a step, is zero, …
+# a test function this small, relative to its values at the ends of a step, is zero, …
 _ZERO = 1e-13
-# … and what is larger and has not shrunk by the second part for a few looks is rounding
+# … and a larger one that does not decrease by the second factor in a few evaluations is a rounding
+# error
 _SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
-# what is left of the equations, relative to their derivatives, where curves cross
-_SOLVES = 1e-11
-_SAME = 1e-12  # places that are nearer to each other, as a part of the step, are one
+_SOLVES = 1e-11  # residual of the equations, relative to their derivatives, at which curves cross
+# points that are nearer to each other, as a fraction of the step, are regarded as one
+_SAME = 1e-12
 
 
 _Happened = tuple[Test | Break, Point, tuple[float, float] | None]
@@ -441,8 +442,8 @@ class _Tracer:
         for name, b in new.tests.items():
             a = last.tests.get(name, np.nan)
             if name in self.endings:
-                # What ends the curve is positive on it; it may start at zero, give or take
-                # rounding.
+                # The test function of an ending is positive on the curve; it may be zero at its
+                # start, up to rounding errors.
                 if b < 0.0:
                     found.append((name, self._locate(name, last, new) if a > 0.0 else last))
             elif (
@@ -481,7 +482,7 @@ class _Tracer:
                 raise _Found
             return found
 
-        # Where it jumps, or is not a number in between, the nearest point is the answer.
+        # If it jumps, or is not a number in between, the nearest point is returned.
         with suppress(_Found):
             zero_between(value, 0.0, distance, *ends)
         finite = [point for point in known.values() if np.isfinite(point.tests[name])]

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 from stickslip.numerics.levels import BRACKET_LOOKS, LAST_DIGITS
 
-_ASIDE = 1e-6  # of a value, to the second point of a secant where the guess is the first
-# how much further than the guess a change of sign is looked for
+_ASIDE = 1e-6  # relative distance to the second point of a secant if the guess is the first
+# multiples of the distance to the guess at which a change of sign is searched for
 _WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
 
 

@@ -38,7 +38,7 @@ from stickslip.stopping.scopes import TimeUp
 _T = TypeVar("_T")
 _P = TypeVar("_P")
 
-_WIDER = 1.5  # factor by which the first step of a stretch exceeds the last one before it
+_WIDER = 1.5  # ratio of the first step of a segment to the last one before it
 
 
 @dataclass(frozen=True)

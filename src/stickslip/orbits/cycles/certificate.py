@@ -25,14 +25,14 @@ from stickslip.orbits.return_map.following import arrivals, follow_state
 from stickslip.orbits.return_map.mode_sequence import sequence
 from stickslip.orbits.return_map.shooting import parameter_values
 
-# least range of a cycle, relative to the state: below, its size is not known to the tolerance
+# smallest range of a cycle, relative to the state: below it, its size is not known to the tolerance
 _MOVES = 1e-7
 _UNCHANGED = (
-    1e-9  # a change along a symmetry comes back up to this part of what changes may grow to
+    1e-9  # largest change of a perturbation along a symmetry, relative to the growth of others
 )
-_FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
-_AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
-# … so far away, in units of the size of the cycle; the nearer where other modes are near
+_FORGOTTEN = 1e-9  # fraction of a change that remains after a contact has stuck
+_AGREES = 1e-4  # largest relative difference between returns of neighbours and their multipliers
+# … distances of neighbours in units of the size of the cycle; small ones if other modes are near
 _APART = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
 
 
@@ -170,7 +170,8 @@ def _beside(closed: Closed, j: int, changes: list[Array]) -> Array:
     begin = float(closed.orbit.legs[j].motion.knots.time[0])
     own = closed.orbit.x[slice(*shooting.first[j : j + 2])]
     states = np.array([shooting.stations[j].place(own + xi, begin, p).state for xi in changes])
-    # What slides without mass is on its threshold only up to rounding of all that it hangs on.
+    # A contact that slides without mass is on its threshold only up to rounding errors of the
+    # forces on it.
     problem = closed.orbit.problem
     settle_friction(problem.compiled.equations, problem.parameters, states, begin)
     return states

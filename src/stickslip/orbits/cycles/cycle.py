@@ -549,7 +549,7 @@ class Cycle(Result):
         return "\n".join(lines)
 
 
-# What is said of a cycle, of its fields, as data for JSON.
+# Entries of a cycle and its fields as data for JSON.
 _SAID = (
     "period",
     "time",

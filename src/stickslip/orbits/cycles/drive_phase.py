@@ -18,7 +18,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_SAMPLES = 64  # of a drive in a period, for its first harmonic
+_SAMPLES = 64  # samples of a drive in a period, for its first harmonic
 
 
 def read_drive(system: System, coordinate: str, drive: str | None = None) -> tuple[str, Expr]:
@@ -109,7 +109,7 @@ def drive_slope(
     """
     name, stretched = change
     formula = drive[1]
-    # At a fixed part of the period the time changes as the period does.
+    # At a fixed fraction of the period the time changes in proportion to the period.
     moved = ex.derivative(formula, name) + stretched * ex.sym("t") * ex.derivative(formula, "t")
     first, slope = _first_harmonics(system, drive, [formula, moved], values, period)
     return float((slope / first).imag)

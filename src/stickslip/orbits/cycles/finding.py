@@ -53,21 +53,21 @@ if TYPE_CHECKING:
 
 
 _NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
-_SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
-LAST_SPANS = 27.0  # spans in which such a motion is looked at
-_FAR = 1.0  # of its size: a cycle that has moved farther is not extrapolated
-_ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
-_PERIODS = 2.5  # of what a motion has settled on, that are sampled
-_STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
+_SETTLED = 1e-3  # a motion that returns this close at the end of its time has nearly converged
+LAST_SPANS = 27.0  # number of spans over which such a motion is examined
+_FAR = 1.0  # a cycle that has moved farther, relative to its size, is not extrapolated
+_ROUNDS = 3  # largest number of searches for transformations that leave the system unchanged
+_PERIODS = 2.5  # number of periods of the limit cycle that are sampled
+_STILL = 1e-13  # range of a component at rest, relative to its modulus
 # a cycle this far from the motion it was found from, relative to its size, is another one
 _AGREES = 0.3
 # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
 _COLLAPSED = 1e-4
-_REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
-_LOOK = 0.01  # of the span: in which the velocity of a steady motion is seen
-_STEADY = 1e-10  # of the state: a smaller change is none
-_TURNS = 100.0  # periods of a drive that are looked at first, where no time span is given
-_DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
+_REPELS = 1e-6  # no motion converges to a cycle with a multiplier this far outside the unit circle
+_LOOK = 0.01  # fraction of the span over which the velocity of a steady motion is measured
+_STEADY = 1e-10  # change of the state, relative to it, that is regarded as zero
+_TURNS = 100.0  # periods of a drive that are simulated first, if no time span is given
+_DIES_OUT = 1e-2  # a motion whose extent has decreased to this fraction decays
 
 
 def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | None) -> Closed:
@@ -79,7 +79,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     y = old.legs[0].place.state
     found = Recurrence(time, y, old.period, start.shooting.setting.turns, old.shift, 0.0)
     if w.clock is not None:
-        # Drives may act that were off, and the other way round.
+        # Drives that were off may act, and vice versa.
         now = clock(problem.system, problem.compiled.equations, problem.parameters)
         values = old.problem.parameters
         one = now.period({**values, **dict.fromkeys(now.zero, 0.0)})
@@ -240,7 +240,7 @@ def _first_look(problem: Problem) -> float:
     try:
         drives = clock(problem.system, problem.compiled.equations, problem.parameters)
         return min(end - begin, _TURNS * drives.period(problem.parameters))
-    except DeclarationError:  # nothing drives it, or nothing that repeats
+    except DeclarationError:  # no drives, or no periodic ones
         return end - begin
 
 
@@ -312,8 +312,7 @@ class _Search:
         for recurrence in earliest(w):
             if recurrence.distance <= _NEARBY:
                 closed = self._try(w, recurrence)
-                # A motion that is brought to a cycle, as by a belt that carries it there, has not
-                # begun beside it.
+                # A motion that is driven to a cycle, as by a belt, did not start near it.
                 if closed is not None and (
                     not is_unstable(closed) or closed.distance(self.state, self.time) <= _AGREES
                 ):
@@ -362,7 +361,7 @@ class _Search:
         if closed is not None:
             return closed
         exponent = largest_exponent(w.trajectory, self.pieces, w.sizes)
-        # Irregular motion comes near many cycles, and settles on none.
+        # An irregular motion comes close to many cycles and converges to none.
         if exponent is None or not exponent.irregular:
             closed = self._tried(w, [r for r in found if _SETTLED < r.distance <= _NEARBY])
             if closed is not None:

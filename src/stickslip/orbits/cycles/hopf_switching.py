@@ -32,8 +32,8 @@ from stickslip.orbits.return_map.stations import make_station
 _SMALL = 0.01  # amplitude of the first cycle relative to the equilibrium
 _INSIDE = 0.3  # … and to the distance from the next switching boundary
 _STRETCH = 2.0  # amplitudes grow by at most this factor from one cycle to the next
-_CORRECTED = 1e-9  # a correction, in units of the state, after which the point is known
-_ROOM = 1e-6  # amplitude up to the next guard that lets a cycle begin, in units of the state
+_CORRECTED = 1e-9  # correction, in units of the state, at which Newton's method has converged
+_ROOM = 1e-6  # smallest amplitude up to the next guard for a first cycle, in units of the state
 
 
 @dataclass(frozen=True)

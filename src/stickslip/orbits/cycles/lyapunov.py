@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_STEPS = 64  # of the motion between two normalisations
-_MOST = 256  # stretches that are looked at, from the end
-_BLOCKS = 8  # parts of the motion whose exponents are compared
-_CERTAIN = 3.0  # standard errors by which an exponent is positive
-_FORGOTTEN = 1e-12  # what is left of a change of unit size that contacts in stick have erased
+_STEPS = 64  # steps of the motion between two normalisations
+_MOST = 256  # largest number of stretches, counted from the end
+_BLOCKS = 8  # number of parts of the motion whose exponents are compared
+_CERTAIN = 3.0  # number of standard errors by which an exponent has to be positive
+_FORGOTTEN = 1e-12  # size of a change of unit size after sticking contacts have removed it
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def largest_exponent(motion: Trajectory, pieces: Pieces, sizes: Array) -> Expone
         later = variation(part, pieces, change[:, None]).matrix[: len(sizes), 0]
         size = float(np.linalg.norm(later / sizes))
         if not size > _FORGOTTEN:
-            change = None  # all of it was forgotten where contacts stick
+            change = None  # sticking contacts have removed the entire change
             continue
         growth.append(np.log(size))
         lengths.append(part.t_span[1] - part.t_span[0])

@@ -12,9 +12,9 @@ from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.recurrence import Window, window
 
-# than the samples that recurrence needs: chords are then closer to a cycle than 1e-3 of its size
+# finer than the samples for recurrence: chords are then closer to a cycle than 1e-3 of its size
 _FINER = 8
-_PART = 256  # states whose distances are taken at once
+_PART = 256  # number of states whose distances are computed together
 
 
 class NearPoint:

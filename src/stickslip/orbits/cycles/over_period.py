@@ -30,16 +30,17 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
-_PARTS = 16  # of the shortest wave that is looked for; a panel is at most one of them
+_PARTS = 16  # panels per shortest wavelength of interest
 _DOUBLINGS = 6
-_SAMPLES = 16  # of a step, between which a quantity turns once at most
+_SAMPLES = 16  # samples of a step, between which a quantity has at most one extremum
 _SAMPLES_OF_ALL = 1000
-_REFINED = 6  # times; a value beside an extremum is known to the square of that
-_EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
-_CUTS = 8  # parts in which the surroundings of a turn are cut, each time
-_CUT_TIMES = 26  # at most: until a kink is known
+# number of refinements; the error of an extreme value is the square of the error of its time
+_REFINED = 6
+_EXACT = 1e-13  # a smaller change, relative to the largest value, is a rounding error
+_CUTS = 8  # parts into which the neighbourhood of an extremum is divided each time
+_CUT_TIMES = 26  # largest number of divisions: enough to locate a kink
 _SINGULAR = 1e-10  # largest rounding error, relative to the largest value
-_KINK_KNOWN = 12  # times that a kink is closed in on
+_KINK_KNOWN = 12  # number of refinements of a kink
 
 
 # -- what is linear in the state -------------------------------------------------------------------
@@ -126,7 +127,7 @@ def _where_rates_vanish(
     """Extremes of linear forms of inertial coordinates: at samples, and at every turn between two
     of a step."""
     places = motion.system.declaration.places
-    rows = np.zeros((len(places), 2, len(forms)))  # of the forms, and of their rates
+    rows = np.zeros((len(places), 2, len(forms)))  # coefficients of the forms and of their rates
     for i, form in enumerate(forms.values()):
         for x, weight in form.weights.items():
             rows[places[x], 0, i] = rows[places[f"d_{x}"], 1, i] = weight
@@ -155,7 +156,8 @@ def _where_rates_vanish(
         value, h = np.einsum("tx,xkt->kt", states, rows[:, :, which]) + more.T
         np.minimum.at(low, which, value)
         np.maximum.at(high, which, value)
-        left = h * f > 0.0  # the turn is on the other side; what stays counts half (Illinois)
+        # the extremum is on the other side; the value at a retained end is halved (Illinois)
+        left = h * f > 0.0
         a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
         b = np.where(left, b, middle)
     ends = zip(map(float, low), map(float, high), strict=True)
@@ -171,7 +173,7 @@ def _bracketed(
     seen = along(times, index)
     size = np.maximum(np.max(np.abs(seen), axis=0), TINIEST)
     edge = np.diff(index) != 0
-    first, last = np.r_[True, edge], np.r_[edge, True]  # of their steps
+    first, last = np.r_[True, edge], np.r_[edge, True]  # first and last samples of steps
     share = np.arange(_CUTS + 1) / _CUTS
     ends: list[Array] = []
     for sign in (1.0, -1.0):
@@ -188,7 +190,7 @@ def _bracketed(
             y = sign * values.reshape(*inside.shape, len(formulas))[rows, :, which]
             here = np.argmin(y, axis=1)
             np.minimum.at(lowest, which, y[rows, here])
-            # What is straight up to rounding is nowhere lower than at its ends.
+            # A curve that is straight up to rounding errors has its minimum at an end.
             left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > FEW_ROUNDINGS * size[which]
             a = inside[rows, np.maximum(here - 1, 0)][left]
             b = inside[rows, np.minimum(here + 1, _CUTS)][left]
@@ -334,7 +336,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     wave = 2.0 * np.pi * order / period
     fastest = max(wave, float(np.max(np.abs(problem.constants.omega), initial=0.0)))
     every = np.zeros((2, n), complex)  # with panels, and with half as long ones
-    sizes = np.zeros((2, n))  # of what is added up
+    sizes = np.zeros((2, n))  # sizes of the terms of the sums
     known = dict[int, Array]()
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     numbers = pieces.numbers(k.mode[steps], k.region[steps])
@@ -372,7 +374,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     size = np.max(np.abs(k.state), axis=0)
     for own in modes_of_structures(motion):
         size[own] = np.max(size[own])
-    # What has only begun to slide moves by rounding errors of the others.
+    # A component that has just begun to slide moves by rounding errors of the others.
     rounding = 2.0 / period * FEW_ROUNDINGS * sizes[1]
     for own in modes_of_structures(motion):
         if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):

@@ -19,11 +19,11 @@ from stickslip.orbits.return_map.damped_newton import Closed, converge, flattest
 from stickslip.orbits.return_map.recurrence import Recurrence, window
 
 _SAME = 1e-11  # states this close, in units of the size of the cycle, are the same …
-_FLOOR = 1e3  # … or where they miss by at most this many times what the whole cycle misses …
-# … or by this many times the error of the state that this leaves, along the flattest direction
+_FLOOR = 1e3  # … or if they differ by at most this multiple of the closure error of the cycle …
+# … or by this multiple of the resulting error of the state along the flattest direction
 _KNOWN = 10.0
-_SAMPLES = 16  # of every step, to see how often a component turns
-_MOVES = 1e-6  # a component that moves by less, in units of its size, does not tell how often
+_SAMPLES = 16  # samples of every step, for counting the oscillations of a component
+_MOVES = 1e-6  # a component that moves by less, in units of its size, is not counted
 
 
 def shorter(closed: Closed) -> dict[int, float]:

@@ -17,8 +17,9 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.intervals import EVERYTHING, LOOSE
 
-_MEETS = 1e-7  # of 1 + the modulus: distance of boxes, and of states from them, that is rounding
-_TURNS = 12  # multiples of the longest period that are tried for a common one
+# relative to 1 + the modulus: distances of boxes and of states from them that are rounding errors
+_MEETS = 1e-7
+_TURNS = 12  # largest multiple of the longest period that is tried as a common one
 
 if TYPE_CHECKING:
     from stickslip.orbits.equilibria.level_sets import LevelSet
@@ -161,7 +162,7 @@ def enclosed(
     fine = np.all(value[:needed, 0] >= 0.0, axis=0)
     least = np.where(fine & np.isfinite(slack), at[:, 0] + down - slack, -math.inf)
     most = np.where(fine & np.isfinite(slack), at[:, 1] + up + slack, math.inf)
-    # where only one side is bounded
+    # if only one side is bounded
     one_low = fine & np.isfinite(down) & ~np.isfinite(slack)
     one_high = fine & np.isfinite(up) & ~np.isfinite(slack)
     loose = LOOSE * (2 + len(of.names))

@@ -19,11 +19,11 @@ from stickslip.numerics.levels import SUM_ROUNDING
 from stickslip.orbits.equilibria.stick_sets import Conditions
 from stickslip.orbits.fields.steady import Array, Steady
 
-SOLVED = 1e-12  # what is left of the equations, relative to their terms
+SOLVED = 1e-12  # residual of the equations relative to their terms
 ON_BOUNDARY = 1e-9  # a guard this small, relative to its terms, is zero
-_SMALL = 1e-3  # unknowns count with at least this part of the largest
-_KNOWN = 1e-4  # eigenvalues are known to this part of the terms of the Jacobian
-_NEARBY = 1e-7  # over this part of the state the change of the Jacobian is seen
+_SMALL = 1e-3  # smallest size of an unknown relative to the largest
+_KNOWN = 1e-4  # error of eigenvalues relative to the terms of the Jacobian
+_NEARBY = 1e-7  # fraction of the state over which the change of the Jacobian is measured
 
 
 def certify_equilibrium(

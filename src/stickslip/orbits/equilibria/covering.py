@@ -17,10 +17,10 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_RANGE = 64.0  # where is looked, in units of the declared initial state, or of 1
-_MOST = 3  # free states: the number of boxes grows with every one
-_CLOSED = 1e-9  # a point may miss its conditions by this much, relative to their terms
-_SAME = 1e-9  # sets that are a period apart, up to this part of it
+_RANGE = 64.0  # half-width of the search region, in units of the declared initial state, or of 1
+_MOST = 3  # largest number of free states: the number of boxes grows with every one
+_CLOSED = 1e-9  # largest violation of the conditions at a point, relative to their terms
+_SAME = 1e-9  # relative error of a period by which sets are apart
 
 Ranges = Mapping[str, tuple[float, float]]
 

@@ -456,7 +456,7 @@ def decays(eigenvalues: tuple[complex, ...], error: float = 0.0) -> bool | None:
     """Return whether all (True) or not all (False) linear motions decay; None if the error bound
     leaves it open."""
     if not eigenvalues:
-        return True  # nothing is left that could move
+        return True  # all components are fixed
     top = max(z.real for z in eigenvalues)
     scale = max(map(abs, eigenvalues))
     return None if abs(top) <= max(NO_GROWTH * scale, error) else top < 0.0

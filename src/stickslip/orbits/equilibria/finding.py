@@ -43,11 +43,12 @@ from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
-_MOST = 4096  # modes times regions that are all tried
+_MOST = 4096  # largest number of modes times regions that are all tried
 _STARTS = 63
-_KNOWN = 1e-9  # ends of sets, relative to their size
-_POLISH = 4  # Newton steps that put a point well inside a set onto its equations
-_LEAST_UNIT = 1e-6  # of a component, absolute: states at zero are not compared with their rounding
+_KNOWN = 1e-9  # error of the ends of sets, relative to their size
+_POLISH = 4  # number of Newton steps that move a point inside a set onto its equations
+# smallest unit of a component (absolute): zero states are not compared with rounding errors
+_LEAST_UNIT = 1e-6
 _SAME_POINT = 1e-7  # distance, in these units, of points found on two sides of a boundary
 
 
@@ -83,7 +84,7 @@ def equilibria(
         If an argument is wrong, or the system depends on time.
     """
     values = checked_values(system, parameters)
-    with watching():  # what is interrupted in it ends all of it
+    with watching():  # an interrupt inside ends the entire search
         return _Search(system, autonomous(system), values, box or {}).run()
 
 
@@ -132,7 +133,7 @@ class _Search:
         self.covered: dict[tuple[Mode, Region | None], bool] = {}  # and whether that found all
         self.undecided: list[str] = []
         self.polyhedral: dict[Mode, bool] = {}
-        self.pieces: list[tuple[EquilibriumSet, list[_Piece]]] = []  # of sets, by region
+        self.pieces: list[tuple[EquilibriumSet, list[_Piece]]] = []  # pieces of sets, by region
 
     def _checked_box(
         self, box: Mapping[str, tuple[float, float]]
@@ -276,7 +277,7 @@ class _Search:
         try:
             motion = simulate(self.system, parameters=self.values)
         except StickslipError:
-            return ""  # there is no motion from the declared initial state
+            return ""  # no motion starts from the declared initial state
         y = np.array(list(motion.final.values()))
         self.starts = y[:, None]
         modes = {mode for mode, _ in self.looked}

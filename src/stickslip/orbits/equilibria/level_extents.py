@@ -26,9 +26,9 @@ from stickslip.symbolic.boxes import enclosures
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.intervals import LOOSE
 
-_EXACT = 1e-12  # gap of an extent that will do, relative to its size
-_MOST_EXTENT = 40_000  # boxes in which extents are looked for
-_ROUNDS = 120  # divisions in the search for extents
+_EXACT = 1e-12  # accepted gap of an extent relative to its size
+_MOST_EXTENT = 40_000  # largest number of boxes in the search for extents
+_ROUNDS = 120  # largest number of divisions in the search for extents
 
 
 @np.errstate(all="ignore")
@@ -97,7 +97,7 @@ class _Extents:
         low, high = found.low[which, every], found.high[which, every]
         down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
         lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
-        # The least value of −f is minus the largest of f.
+        # The minimum of −f is minus the maximum of f.
         return Enclosures(
             np.where(up, low, -high)[None],
             np.where(up, high, -low)[None],
@@ -217,7 +217,7 @@ def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array
         slope_times_distance(found.slope_high, behind),
         slope_times_distance(found.slope_low, before),
     )
-    gains = np.maximum(gains, 0.0)  # (m, k, N): what each unknown can add
+    gains = np.maximum(gains, 0.0)  # (m, k, N): largest contribution of each unknown
     total = gains.sum(axis=1)
     for i in range(len(low)):
         others = np.where(np.isfinite(total), total, math.inf)[:, None] - gains[:, i : i + 1]

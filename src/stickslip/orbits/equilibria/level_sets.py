@@ -36,14 +36,14 @@ from stickslip.symbolic.boxes import enclosures
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.intervals import LOOSE
 
-_MOST = 20_000  # boxes in all
-_FEW = 64  # as long as no more are divided they are divided into four, else into two
-_FINEST = 1e-22  # least width of a box at 0, in units of the range looked at
-_OUTER = 6  # how often boxes outside the range are divided
-FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
-MOST_CORNERED = 3  # unknowns up to which all corners of boxes count as directions
-_LEAST = 5e-324  # a negative number that is not known better
-_MOST_ROWS = 60  # sums of conditions that are tried far out
+_MOST = 20_000  # largest number of boxes
+_FEW = 64  # number of boxes up to which each is divided into four, above it into two
+_FINEST = 1e-22  # smallest width of a box at 0, in units of the range
+_OUTER = 6  # number of divisions of boxes outside the range
+FURTHEST = 1e9  # largest distance at which unbounded boxes begin, in the same units
+MOST_CORNERED = 3  # number of unknowns up to which all corners of boxes count as directions
+_LEAST = 5e-324  # magnitude of a negative number that is not known better
+_MOST_ROWS = 60  # largest number of sums of conditions for unbounded boxes
 _TIE = 1e-6  # weight of the width of a side, which decides only between equal changes
 
 
@@ -286,7 +286,7 @@ class _Covering:
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
         change = np.where(unsure[:, None], slope_times_distance(steep, width), 0.0)
         change = np.where(np.isfinite(change), change, 0.0)
-        most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
+        most = np.max(change, axis=1, keepdims=True)  # each condition is scaled separately
         part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
         relative = width / self.of.unit[:, None]
         part = relative if widest else part + _TIE * np.minimum(relative, 1e6)

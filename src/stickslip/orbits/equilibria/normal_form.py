@@ -18,7 +18,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_DEGENERATE = 1e-9  # a coefficient this small, relative to the terms it is made of, is zero
+_DEGENERATE = 1e-9  # a coefficient this small, relative to its terms, is zero
 
 
 @dataclass(frozen=True)

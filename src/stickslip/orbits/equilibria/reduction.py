@@ -22,8 +22,8 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds, sure_sign
 from stickslip.symbolic.expressions import Expr
 
-_MOST = 200  # inequalities that eliminating a force may leave
-_ZERO = 1e-9  # what is left of an equation without unknowns, relative to its terms
+_MOST = 200  # largest number of inequalities after the elimination of a force
+_ZERO = 1e-9  # residual of an equation without unknowns, relative to its terms
 
 
 @dataclass(frozen=True)

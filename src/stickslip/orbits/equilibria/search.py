@@ -13,10 +13,11 @@ from stickslip.orbits.fields.steady import ResidualFunction
 _PRECISION = 1e-9
 _ITERATIONS = 60
 _POLISH = 4
-_HELD = 1e-8  # of the largest entry, added to the diagonal: holds components that do not count
-_LEAST_DAMPING = 1e-14  # of Levenberg's method, where Newton's steps are full to rounding
-_FOUND = 1e-24  # sum of squares of scaled equations, to which starts are improved
-_APART = 1e-6  # distance of zeros that are two, in units of the state
+_HELD = 1e-8  # relative to the largest entry, added to the diagonal: holds irrelevant components
+# damping of Levenberg's method for which steps equal Newton's up to rounding errors
+_LEAST_DAMPING = 1e-14
+_FOUND = 1e-24  # sum of squares of scaled equations at which the improvement of starts ends
+_APART = 1e-6  # smallest distance of different zeros, in units of the state
 
 
 def fill_box(count: int, low: Array, high: Array) -> Array:
@@ -125,7 +126,7 @@ def _distinct(
         if not np.linalg.norm(step[:, k]) <= _PRECISION * (1.0 + np.linalg.norm(y[:, k] / units)):
             continue
         if rank[k] < len(y):
-            # A least-squares step of length zero may also be a minimum that is no zero.
+            # A least-squares step of length zero may also occur at a minimum that is not a zero.
             terms = np.abs(J[:, :, k]) @ np.maximum(np.abs(y[:, k]), units)
             if not np.all(np.abs(F[:, k]) <= NEARLY_SOLVED * terms):
                 continue

@@ -26,11 +26,10 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 _PRECISE = {"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE}
-# a guard may miss zero by this much, in units of its terms: the set contains its boundary
-_CLOSED = 1e-9
-_FAR = 1e6  # a component that can be moved this far, in units of its size, is taken for unbounded
-_OPTIMUM = 1e-13  # to which SLSQP finds an extent, in units of the state
-_GAIN = 1e-10  # of 1 + its modulus: a larger box that gains less does not bound the extent
+_CLOSED = 1e-9  # largest violation of a guard, in units of its terms: the set contains its boundary
+_FAR = 1e6  # a component that can move this far, in units of its size, is regarded as unbounded
+_OPTIMUM = 1e-13  # tolerance of SLSQP for an extent, in units of the state
+_GAIN = 1e-10  # relative to 1 + the modulus: a larger box that gains less does not bound the extent
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import periodic_form
 
-_STANDS = 1e-12  # phases that advance by less than this part of their terms do not advance
-_MOST_PERIODS = 24  # periods of each drive in the longest common period that is accepted
+_STANDS = 1e-12  # phases that advance by less, relative to their terms, do not advance
+_MOST_PERIODS = 24  # largest number of periods of a drive in the longest common period
 
 
 class Drives(NamedTuple):

@@ -74,7 +74,7 @@ class Listing:
         self._needed: list[Provider] = []
         self._fixed: list[tuple[int, int, int, int, float]] = []
         self._others: list[tuple[int, int, int, int, float]] = []
-        # Of a Jacobian most are the same number.
+        # Most entries of a Jacobian are the same number.
         every = dict.fromkeys(expressions)
         values = scalars_of(every, {name: element("v", i) for i, name in enumerate(names)})
         place = {e: self._value(values[e])[0] for e in every}
@@ -118,7 +118,7 @@ class Listing:
                 return self._value(scalars_of([formula], {ARGUMENT: s.args[0]})[formula])
             place, moves = self._value(s.args[0])
             provider = provider_of(s.name)
-            if provider is not None:  # what stands at the address stays there
+            if provider is not None:  # keeps the code at the address alive
                 self._needed.append(provider)
             return self._add(moves, CALL, place, address_of(s.name)), moves
         parts = [self._value(x) for x in s.args]
@@ -178,7 +178,7 @@ class Evaluator:
 
     def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
         provided = any(provider_of(e.op) for e in ex.walk(dict.fromkeys(expressions)))
-        # tables may be large, and are not remembered
+        # tables may be large and are not stored
         make = Listing if provided else _listing
         self.listing: Listing = make(tuple(expressions), tuple(names), moving)
         self.made: Instructions = packed([self.listing])

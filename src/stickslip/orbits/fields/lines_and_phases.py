@@ -33,7 +33,7 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_MOST_CELLS = 24  # phases turn by whole numbers with a ratio of at most this
+_MOST_CELLS = 24  # largest integer in the ratio of phases
 
 Slopes = dict[str, Expr]
 """Of a line or phase, by the names in it."""
@@ -121,7 +121,7 @@ class Reading:
         phases, free, turned = self._turned(states, values)
         if not np.any(turned):
             return np.zeros((len(states), 0))
-        # As many independent phases as there are turn by a whole number each; the others follow.
+        # A maximal set of independent phases turns by whole numbers; the others follow.
         first = list[int]()
         for i in np.argsort(-np.max(np.abs(turned), axis=1, initial=0.0), kind="stable"):
             row = turned[i] - turned[first].T @ _solved(turned[first].T, turned[i])

@@ -27,8 +27,8 @@ from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_MOST_PIECES = 256  # of a system that are remembered
-_DEPENDENT = 1e-9  # part of its size by which a gradient may miss the span of others
+_MOST_PIECES = 256  # largest number of cached pieces of a system
+_DEPENDENT = 1e-9  # relative distance of a gradient from the span of others on which it depends
 
 
 @dataclass(frozen=True)

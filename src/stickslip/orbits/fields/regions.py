@@ -14,7 +14,7 @@ from stickslip.kept import made_once
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr, substitute
 
-_MOST_KEPT = 1024  # expressions in regions, of each system
+_MOST_KEPT = 1024  # largest number of expressions in regions that are kept for each system
 
 
 def _chosen(equations: MotionEquations, expression: Expr, region: Region) -> Expr:

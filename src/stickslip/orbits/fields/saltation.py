@@ -49,16 +49,16 @@ _UNEXPLAINED = "the impulses do not depend smoothly on the state before the impa
 _AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
 _CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
 _TOO_MANY = "the sequence of impacts does not end"
-_MOST_TURNS = 400  # sequential impacts
+_MOST_TURNS = 400  # largest number of sequential impacts
 _NONE_LEFT = 1e-28  # energy of an approach, relative to the first one, that counts as zero
 _EQUAL = 1e-8  # relative difference of energies of approach that counts as zero
-_MOST_COMPARED = 128  # modes of an impact
+_MOST_COMPARED = 128  # largest number of modes of an impact that are compared
 _CORNER = 1e-9  # relative error of a jump up to which two modes are both considered to explain it …
 _APART = 1e-6  # … and relative difference of their derivatives above which they are different
 _CLOSED = 1e-10  # gap, relative to the coordinates, below which a contact is closed
 _SAME = 1e-7  # error of a jump, relative to the velocities, that is accepted …
 _EXACT = 1e-11  # … and that counts as zero
-_MOST_MODES = 4096  # modes of an impact that are tried
+_MOST_MODES = 4096  # largest number of modes of an impact that are tried
 
 
 class Landing(NamedTuple):
@@ -298,7 +298,7 @@ def _meets(
             continue
         change = after[2:] @ full - before[2:]
         if len(bounds):
-            # No admissible neighbour differs in a combination of the constraints.
+            # Admissible neighbours do not differ in a combination of the constraints.
             change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
         if float(np.max(np.abs(change))) > _APART * size:
             return True
@@ -531,7 +531,7 @@ def _is_corner(
         except ZeroDivisionError:
             continue
         if float(np.max(np.abs(found.after - after))) <= size:
-            # of neighbours that keep what is closed closed
+            # for neighbours that keep closed contacts closed
             apart = found.slopes - landing.slopes
             if len(bounds):
                 apart = apart - np.linalg.lstsq(bounds.T, apart.T, rcond=None)[0].T @ bounds
@@ -550,7 +550,7 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
             sliding += 2, -2
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
-        # What takes no part rubs in no way, and components slip together.
+        # A contact that does not take part has a single mode, and components slip together.
         apart = any(len({mode[i] for i in own}) > 1 for own in equations.directions.values())
         if not apart and all(
             mode[i] == 1

@@ -39,12 +39,13 @@ if TYPE_CHECKING:
     from stickslip.convex.formula import ConvexFormula
     from stickslip.motion.trajectory import Trajectory
 
-_DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
-_RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
-_ANGLES, _POLISH = 400, 12  # of the search for the direction in which a slip begins
-_CLOSE = 1e-12  # part of a step before its end
-_LEAST_TERM = 1e-12  # of the largest: norms below it are divided by no less than that
-_MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
+_DEPENDENT = 1e-10  # relative distance of a direction from the span of others on which it depends
+_RESOLVED = 1e-10  # fraction of the time below which a step is too short to be sampled
+# angles and refinements in the search for the direction in which a slip begins
+_ANGLES, _POLISH = 400, 12
+_CLOSE = 1e-12  # fraction of a step before its end
+_LEAST_TERM = 1e-12  # relative to the largest norm: smaller norms are replaced by it in divisions
+_MOST_TURNS, _SETTLED = 2000, 1e-14  # iterations and tolerance of the search for a mechanism
 
 
 def through(
@@ -72,8 +73,8 @@ def through(
     none = Saltation(S, np.zeros(columns), False)
     if len({equations.sharing.get(c, -1 - c) for c in {*stopped, *begun}}) != 1:
         return none
-    # What passes through rest and goes on does so for neighbours, too, if it can only move in one
-    # way.
+    # A contact that passes through rest without stopping does so for neighbours, too, if it can
+    # only move in one way.
     if stopped and begun and _freedom(equations, left, stopped, (t, y, p)) != 1:
         return none
     onward = _rates(motion, knot, right) if begun else right.rates(t, y, p)
@@ -127,7 +128,7 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     parts = np.array([1 / 32, 1 / 64, 1 / 128])
     states = motion.states_at(end - parts * left + k.origin, np.full(3, knot - 1))
     rates = (states - k.state[knot]) / (parts * left)[:, None]
-    # by a parabola in the time that is left
+    # by a parabola in the remaining time
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
     # The closer the better, but u is a difference of velocities, which are rounded.
     moving = [i for i, name in enumerate(motion.system.declaration.state) if name[:2] == "d_"]
@@ -347,7 +348,7 @@ def _loss_of_hold(
     J = {c: np.array([number(e) for e in along[c]]) for c in own}
     rests = [part for c in own if c not in contacts for part in equations.directions.get(c, ())]
     held = np.array([J[c] for c in rests]).reshape(-1, len(names))
-    # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
+    # The minimum of the frictional power Σ R(Gw) for unit power q·w, over the mechanisms that leave
     # the others at rest.
     free = scipy.linalg.null_space(held, rcond=_DEPENDENT) if len(held) else np.eye(len(names))
     work = -sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
@@ -363,15 +364,15 @@ def _loss_of_hold(
         scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
         shapes.append((np.array(scaled) @ free, number(limits[c])))
     way = free @ _mechanism(shapes, work @ free)
-    # h as a function of all else: its derivatives are those with this mechanism, and with the
-    # forces of what it leaves at rest
+    # The derivatives of h with respect to all other quantities are those for this mechanism and for
+    # the forces of the contacts at rest.
     ways = [ex.num(float(w)) for w in way]
 
     def speed(c: int) -> ex.Expr:
         return ex.add(*((e * w, 1.0) for e, w in zip(along[c], ways, strict=True)))
 
     terms = [(fields[c].force * speed(c), 1.0) for c in own]
-    # what is left for those that stay at rest
+    # the force that remains on the contacts at rest
     left = sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
     for c in contacts:
         parts = equations.directions[c]

@@ -12,10 +12,10 @@ from stickslip.kept import made_once
 from stickslip.numerics.levels import LEFT_OUT, ZERO_EIGENVALUE
 from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, Spectra
 
-_CONDITION = 1e4  # of eigenvectors, in whatever units, from which on they are nearly dependent
-_ROUNDING = 1e-11  # part of an eigenvalue that may be rounding
-_MOST = 256  # decomposed matrices of a system that are kept
-_ROOM = 2**26  # bytes that they take, about
+_CONDITION = 1e4  # condition of eigenvectors, in any units, above which they are nearly dependent
+_ROUNDING = 1e-11  # relative rounding error of an eigenvalue
+_MOST = 256  # number of decomposed matrices of a system that are kept
+_ROOM = 2**26  # approximate number of bytes for them
 
 
 class _Modes(NamedTuple):
@@ -92,9 +92,9 @@ def _decomposed(A: Array, rates: Array) -> _Modes | None:
     values = np.where(size > ZERO_EIGENVALUE * np.max(size), values, 0.0)
     if np.any(error > _ROUNDING * np.abs(values), where=values != 0.0):
         return None
-    # Where eigenvectors are missing (a place and its velocity, both constant), those of two
-    # eigenvalues near 0 are not enough: what is left out with these is seen in units in which a
-    # velocity is as large as its place for the fastest mode.
+    # If eigenvectors are missing (a position and its velocity, both constant), those of two
+    # eigenvalues near 0 are not enough: the part omitted with these is measured in units in which a
+    # velocity is as large as its position for the fastest mode.
     unit = np.where(rates, np.max(size), 1.0)
     gone = (np.abs(V) * np.where(values == 0.0, size, 0.0)) @ np.abs(L)
     if np.any(gone * unit > LEFT_OUT * np.max(size) * unit[:, None]):

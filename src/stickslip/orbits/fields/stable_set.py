@@ -13,9 +13,10 @@ from stickslip.model.entries.declared import Kind
 from stickslip.orbits.fields.regions import values_at
 from stickslip.symbolic import expressions as ex
 
-_SWEEPS = 100  # of the start of rate-independent coordinates
-_BEYOND = 1e-9  # excess, relative to the forces, that is none
-_UNMOVED = 1e-15  # of 1 + the modulus: coordinates that friction moves by less are settled
+_SWEEPS = 100  # largest number of iterations for the start of rate-independent coordinates
+_BEYOND = 1e-9  # excess, relative to the forces, that counts as zero
+# relative to 1 + the modulus: coordinates that friction moves by less have converged
+_UNMOVED = 1e-15
 
 
 def excess(

@@ -31,8 +31,8 @@ from stickslip.numerics.levels import (
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 
-_SAMPLES = 12  # of every piece, at which symmetries are looked for
-_STANDS = 1e-10  # of 1 + the largest: a component of the frame that does not move
+_SAMPLES = 12  # samples of every piece at which symmetries are searched for
+_STANDS = 1e-10  # relative to 1 + the largest: a component of the frame that does not move
 
 
 @dataclass(frozen=True)
@@ -179,8 +179,8 @@ class Surroundings:
         every = [*(part._replace(rows=part.rows / size[part.of, None]) for part in rates), *others]
         matrix = np.concatenate([np.zeros((0, 1 + n)), *(part.rows for part in every)])
         weights = np.concatenate([np.zeros(0), *(part.weights for part in every)])
-        # What hardly moves is felt hardly in its own units, which is no symmetry: only what is felt
-        # less than rounding is felt not at all.
+        # A component with a small effect has a small effect in its own units, too, which is not a
+        # symmetry: only an effect below rounding errors is zero.
         felt = np.max(np.abs(matrix), axis=0, initial=0.0)
         units = 1.0 / np.maximum(felt, LAST_DIGITS / RANK * np.max(felt) + TINIEST)
         matrix = matrix * units * weights[:, None]
@@ -202,7 +202,7 @@ class Surroundings:
         change = np.concatenate([(later - now).T.ravel() for now, later in felt])
         terms = np.concatenate([(np.abs(now) + np.abs(later)).T.ravel() for now, later in felt])
         if np.max(np.abs(_relative(change, terms))) <= NO_CHANGE:
-            return moved  # all the more beside what the slopes contribute to the terms
+            return moved  # and also relative to the terms with the slopes, which are larger
         n = len(self.sizes)
         slopes = [piece.dependence(t, y, p) for piece, t, y in self._samples]
         matrix = np.concatenate([part[:, :, 1:].reshape(-1, n) for part in slopes]) * self.sizes

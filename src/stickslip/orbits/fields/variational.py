@@ -332,7 +332,7 @@ class _Meeting:
                 return None
             g = int(min(falling, key=lambda g: abs(here.value[g])))
             if abs(here.value[g]) > together * abs(here.fall[g]):
-                return None  # once the others have switched, this one need not
+                return None  # once the others have switched, this one may not have to
             try:
                 piece = (
                     right

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 _MOST_STEPS = 25
 _HALVINGS = 6
-_ROUNDED = 1e-12  # part of its size from which Newton's method needs one step more
-CLOSED = 1e-9  # a cycle closes up to this part of its size
-NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is zero
-_STATIONS = (1, 4, 16)  # tried one after the other
-_LONG = 0.1  # a stretch that is shorter than this part of the longest may vanish
-_ACROSS = 0.1  # cosine of what is nearly a right angle
-_SAMPLES = 64  # of a period, that are kept
-_GROWTH = 1e4  # perturbations grow by at most this much between two stations
+_ROUNDED = 1e-12  # relative residual above which Newton's method needs one more step
+CLOSED = 1e-9  # closure error of a cycle relative to its size
+NEARLY_SINGULAR = 1e-11  # singular value relative to the largest below which it is zero
+_STATIONS = (1, 4, 16)  # numbers of stations, tried sequentially
+_LONG = 0.1  # a stretch shorter than this fraction of the longest may vanish
+_ACROSS = 0.1  # cosine of a nearly right angle
+_SAMPLES = 64  # samples of a period that are stored
+_GROWTH = 1e4  # largest growth of perturbations between two stations
 
 
 class NotClosed(ConvergenceError):
@@ -158,8 +158,8 @@ def _shortened(
 def largest_growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
     n = len(orbit.shift)
-    # Where the state is a function of time alone, as that of a slipping rate-independent contact,
-    # nothing grows.
+    # If the state is a function of time alone, as for a slipping rate-independent contact,
+    # perturbations do not grow.
     largest = []
     for leg in orbit.legs:
         directions = leg.place.directions

@@ -24,12 +24,11 @@ from stickslip.orbits.return_map.damped_newton import (
 )
 from stickslip.orbits.return_map.shooting import Orbit, Shooting
 
-# a singular value below this part of the largest belongs to a change that hardly comes back
-_SLOW = 1e-2
-_CREEPS = 1e-3  # a motion towards an edge closes up to this part of its size, at least
-_EXACT = 1e-11  # members of a family close up to this part of their size
-_SHOWN = 1e-6  # of its largest component: what messages show of a direction
-# members are looked for so far away, in units of the size of the cycle
+_SLOW = 1e-2  # singular value relative to the largest below which a change hardly decays
+_CREEPS = 1e-3  # relative closure error of a motion that creeps towards an edge, at most
+_EXACT = 1e-11  # closure error of members of a family relative to their size
+_SHOWN = 1e-6  # components of a direction that messages show, relative to the largest
+# distances of members to search for, in units of the size of the cycle
 _AWAY = (2e-2, -2e-2, 2e-3, -2e-3)
 
 

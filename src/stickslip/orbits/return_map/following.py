@@ -14,8 +14,9 @@ from stickslip.motion.problem import Problem
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-MOST_EVENTS = 100_000  # of one period
-_FLIGHT = 60.0  # shortest times in a flight from which on it is worth a closed form for one motion
+MOST_EVENTS = 100_000  # largest number of events of one period
+# length of a flight, in its shortest times, above which a closed form pays for one motion
+_FLIGHT = 60.0
 
 
 class NoReturn(ConvergenceError):

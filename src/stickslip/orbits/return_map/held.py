@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-_PARTS = 16  # of the motion, in each of which a guard is looked at eight times and at its ends
-# by this part of its thresholds a contact on its edge is held: nearer, rounding makes it slip
+_PARTS = 16  # parts of the motion; in each a guard is evaluated at eight points and at its ends
+# relative distance of a held contact from its thresholds: nearer, rounding errors make it slip
 HELD = 1e-9
 
 
@@ -78,7 +78,7 @@ def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Hel
     found: list[Held] = []
     for i in np.flatnonzero(stuck):
         if equations.contacts[i].opens:
-            continue  # where it is closed is no matter of chance
+            continue  # the position at which it is closed is not arbitrary
         form = np.zeros(len(state))
         for x, weight in equations.contacts[i].direction.items():
             form[state.index(x)] = ex.evaluate(weight, motion.parameters)

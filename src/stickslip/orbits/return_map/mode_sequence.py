@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
-_IMPACT = 4  # mode of a contact that is struck, in a phase without duration
+_IMPACT = 4  # mode of a contact in an impact, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
-_ROUNDED = 1e-6  # part of its size above which a guard rises on both sides of a minimum
-_FAR = 0.1  # a guard that comes down to this part of its size is far from zero
+# relative increase of a guard on both sides of a minimum that is more than rounding
+_ROUNDED = 1e-6
+_FAR = 0.1  # relative minimum of a guard above which it is far from zero
 LOSS = "loss of the cycle"
 
 
@@ -299,8 +300,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
     # Steps may be so short that nodes are at the same time.
     lowest &= (np.diff(times)[:-1] > 0.0) & (np.diff(times)[1:] > 0.0)
-    # What vanishes where the phase begins or ends has rounding errors for minima there; so has a
-    # slip in a plane that passes through rest, as it does for neighbours, too.
+    # A guard that vanishes at the start or end of the phase has minima there that are rounding
+    # errors; so has a slip in a plane that passes through rest, as it does for neighbours, too.
     breaks: list[list[float]] = [[] for _ in scales]
     if piece.field.planes and b > a + 1:
         knots = slice(a + 1, b)
@@ -309,7 +310,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
             breaks[row].append(float(k.time[a + 1 + i]))
     known = _ROUNDED * scales
     if np.any(lowest):
-        # … and so has what is hardly more than they are, as gaps between the last bounces.
+        # … and so have minima hardly larger than rounding errors, such as gaps between the last
+        # bounces.
         middle = looks.states[inside][len(times) // 2]
         slopes = np.abs(piece.leave(float(times[len(times) // 2]), middle, p).slopes[:, :n])
         known = np.maximum(known, FEW_ROUNDINGS * slopes @ np.abs(middle))
@@ -320,7 +322,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest[[int(switch) in carried for switch in piece.switches]] = False
     kinks = len(piece.field.region)
     shared = [int(switch) - kinks in piece.field.shared for switch in piece.switches]
-    # Where the least forces do not hold, others do.
+    # If the forces of minimum norm do not hold, others do.
     lowest[shared] &= here[shared] > 0.0
 
     def at(row: int, i: int) -> Dip:

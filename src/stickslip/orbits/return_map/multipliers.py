@@ -66,8 +66,8 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     W = shooting.unchanged(orbit)
     directions = shooting.stations[0].basis
     if tightest is not None:
-        # A takes changes at the first station to the narrow one: the return map from there is
-        # A M A⁻¹, and what A loses has the multiplier 0.
+        # A maps changes at the first station to the narrow one: the return map from there is A M
+        # A⁻¹, and the null space of A has the multiplier 0.
         narrow, A = tightest
         directions = narrow.basis
         W = A @ W

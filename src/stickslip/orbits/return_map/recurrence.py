@@ -22,17 +22,19 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-SHORTEST = 1e-9  # a stretch that is shorter than this part of the motion takes no time
-_POINTS = 16  # looked at in every step, at least
-_MOST_PARTS = 1000  # times as many in a step; where a slip ends, linear motions decay at once
-_MOST_STEPS = 4000  # looked at
-_MOST_NUMBERS = 50_000  # of states that are looked at, where parts of a step make them many
-_LEAST = 1e-3  # … of what the other components could do to one is its least size
-_MODE = 1e-3  # of the largest mode of a structure: the least size of another
-_CLOSER = 1e3  # … but not before one that misses by so much less
+SHORTEST = 1e-9  # a segment that is shorter than this fraction of the motion takes no time
+_POINTS = 16  # smallest number of points in every step
+# largest factor on them in a step; at the end of a slip linear motions decay immediately
+_MOST_PARTS = 1000
+_MOST_STEPS = 4000  # largest number of steps that are searched
+# largest number of entries of the states that are searched, if steps are divided
+_MOST_NUMBERS = 50_000
+_LEAST = 1e-3  # … smallest size of a component, as a fraction of the effect of the others on it
+_MODE = 1e-3  # smallest size of a mode relative to the largest mode of a structure
+_CLOSER = 1e3  # … but not before one whose miss is smaller by this factor
 _EXACT = 1e-9  # … or closes
-_BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
-_STILL = 1e-9  # of its modulus: spread of a component that does not move
+_BETTER = 0.5  # a later return is examined if it misses by at most this fraction of all before
+_STILL = 1e-9  # spread of a component that does not move, relative to its modulus
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     felt = _largest_slopes(motion, made, steps, p)
-    # Without the drift, which is no part of the size of the cycle.
+    # The drift is removed: it is not part of the size of the cycle.
     moving = states - np.outer((times - k.time[0]) / period, shift)
     sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)

@@ -411,8 +411,8 @@ class Shooting:
                 continue
             reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
             if slips(held, [leg.motion for leg in legs]):
-                # It is pushed to where it is just held: what it lacks is seen from how far it
-                # moves.
+                # It is moved to where it is just held: the missing force follows from the
+                # displacement.
                 row = held.form @ station.basis
                 F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
                 J[home] -= np.outer(along, 2.0 * (row @ J[home]))

@@ -16,7 +16,7 @@ from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.sensitivities.motion import with_knots
 
 _BISECTIONS = 60
-_LOOKS = 20  # in a step, where an extreme is looked for
+_LOOKS = 20  # number of samples of a step in the search for an extremum
 
 
 class Traced(NamedTuple):

@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _HALVINGS = 14
 _EXACT = 1e-12  # a change by less, relative to the integral of the modulus, is rounding
-_ROUNDING = 1e-9  # the same of what may be rounding of the variation
-_SHARE = 1e-3  # of what is allowed in a period: what a panel is allowed at least
-_KNOWN = 1e-8  # part of its terms to which an integral has to be known
+_ROUNDING = 1e-9  # the same if it may be a rounding error of the variation
+_SHARE = 1e-3  # smallest error allowed in a panel, as a fraction of that in a period
+_KNOWN = 1e-8  # required error of an integral relative to its terms
 
 
 def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dict[str, Array]:
@@ -175,7 +175,8 @@ class _Changing:
             halves, _ = self._summed(observed, np.append(begin, middle), np.tile(half, 2))
             fine = halves[:, : len(begin)] + halves[:, len(begin) :]
             change = np.abs(fine - rough)
-            # What is small, and no smaller than in the panel that was halved, is rounding.
+            # A change that is small, and not smaller than in the panel that was halved, is a
+            # rounding error.
             share = total * np.maximum(width / period, _SHARE)
             rounding = (change <= _ROUNDING * share) & (change > 0.25 * before)
             left = np.any((change > _EXACT * share) & ~rounding, axis=0)

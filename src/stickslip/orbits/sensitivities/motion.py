@@ -39,10 +39,10 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     import xarray
 
-_GRID = 201  # times, unless they are given
-_KEEPS = 1e-10  # part of its terms by which a change may break a constraint
+_GRID = 201  # number of times, unless they are given
+_KEEPS = 1e-10  # largest violation of a constraint by a change, relative to its terms
 _DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
-_FINE_RTOL = 1e-12  # of motions that are differenced
+_FINE_RTOL = 1e-12  # relative tolerance of motions for numerical derivatives
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stickslip.orbits.fields.variational import resolution
 from stickslip.orbits.return_map.mode_sequence import at_nodes, dips, reversals
 from stickslip.orbits.return_map.recurrence import segments
 
-_WORTH = 1e-1  # … below which its least value is looked for
+_WORTH = 1e-1  # … below which its minimum is searched for
 
 
 def touched(trajectory: Trajectory, pieces: Pieces) -> list[tuple[float, str]]:

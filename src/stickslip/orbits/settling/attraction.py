@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Lane
     from stickslip.orbits.settling.engine.tables import Bench, Engine, Marks, Rules
 
-_FOLLOWED = 32  # deviations from which returns may be followed
-_PARTS = 4  # of the step between two knots, on the average, in which it may have to be resolved
+_FOLLOWED = 32  # number of deviations whose returns are computed
+_PARTS = 4  # average number of parts for which there is room in the step between two knots
 
 
 class Attraction:

@@ -19,9 +19,10 @@ from stickslip.motion.problem import Problem
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.clock import Clock, cells_of, clock, moving_frame
 
-_SAME = 1e-9  # part of a shift that is left of it beside others, below which it is made of them
+# a shift whose remainder after projection on others is a smaller fraction of it depends on them
+_SAME = 1e-9
 
-_MOST = 256  # states among which combinations are looked for
+_MOST = 256  # largest number of states among which combinations are searched for
 
 
 class Lattice(NamedTuple):
@@ -76,7 +77,7 @@ def lattice(problem: Problem, table: Array) -> Lattice | None:
             parts[i] = ticking.parts
             frame[i] = ticking.drives(values).velocity
         except DeclarationError:
-            # Nothing repeats on its way: the frame alone may leave the system unchanged.
+            # Without a common period only the frame may leave the system unchanged.
             frame[i] = moving_frame(equations, zero).full(values)
     return Lattice(period, parts, frame, moved, forms_of(cells))
 
@@ -110,7 +111,7 @@ def _translations(equations: MotionEquations) -> Array:
     """Shifts of the state found in the formulas, shape (n, shifts)."""
     frame = moving_frame(equations, frozenset())
     names = equations.declaration.state
-    # What a jump puts somewhere is not shifted with the rest.
+    # Components set by a jump are not shifted with the rest.
     put = {x for jump in equations.jumps for x in jump.values}
     free = [x for x in frame.states if x not in put]
     if len(free) > _MOST:

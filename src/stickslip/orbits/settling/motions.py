@@ -47,21 +47,21 @@ from stickslip.orbits.settling.repetition import Repetition
 from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, changes_slowly, elapsed_of
 from stickslip.stopping.scopes import TimeUp, check_stop, flagged, watching
 
-POINT_SLOTS = 12  # closed forms of every point
-_SHARED_SLOTS = 64  # closed forms of all points
-_ROOM = 256  # knots that are measured at a time
-_SPANS = 100.0  # of the system, after which a motion is given up by default
-_LOOKS = 4.0  # in a span
-_CROSSINGS = 100.0  # periods of a lattice, after which a motion may be given up
-# of the tolerance, from which on a motion is polished: its returns do not tell exactly what is
-# missing
+POINT_SLOTS = 12  # number of closed forms of every point
+_SHARED_SLOTS = 64  # number of closed forms of all points
+_ROOM = 256  # number of knots that are measured together
+_SPANS = 100.0  # spans of the system after which a motion is abandoned by default
+_LOOKS = 4.0  # number of looks per span
+_CROSSINGS = 100.0  # periods of a lattice after which a motion may be abandoned
+# fraction of the tolerance below which a motion is polished: its returns do not determine the error
+# exactly
 _MARGIN = 0.1
-_RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
+_RINGS = 2  # number of longest cycles that are stored, so that two returns can be compared
 _ENDLESS = np.iinfo(np.int64).max
-# of a system whose motions are carried on: the proof takes matrices of eight times as many rows
+# largest number of states with extrapolation: the proof uses matrices of eight times as many rows
 _MOST_STATES = 32
-_TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
-_LEAST_TOLERANCE = 1e-12  # of attractors: hundreds of times what local errors leave
+_TURNS = 1024  # marks of a single motion between checks for Ctrl-C
+_LEAST_TOLERANCE = 1e-12  # smallest tolerance of attractors: hundreds of times the local errors
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 UNSETTLED = (Outcome.NOT_SETTLED, Outcome.IRREGULAR, Outcome.SLOW)
 MEASURED = (*ATTRACTORS, *UNSETTLED)
@@ -421,7 +421,8 @@ class Block:
         growth = self.found.exponent[late] * (TURNS - SKIPPED) * marks.real[late, DURATION]
         marks.real[:, DURATION] = lasted
         slow = np.array([changes_slowly(marks, self.rules, int(i)) for i in late])
-        # Without a drive neighbours come together at an equilibrium alone, but where all sticks.
+        # Without a drive neighbouring motions converge only at an equilibrium, unless all contacts
+        # stick.
         free = (marks.drive[late] == 0.0) & (not self.rules.timed)
         slow |= free & np.isfinite(growth) & (growth < -CERTAIN_GROWTH)
         calm = np.where(slow, Outcome.SLOW.code, Outcome.NOT_SETTLED.code)
@@ -525,7 +526,7 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
         leaping=len(layout.state) <= _MOST_STATES,
         closed=closed,
-        # a frame is asked of all modes, and slips in a plane have no closed form
+        # a frame needs the closed forms of all modes, and slips in a plane have none
         framed=closed and layout.timed and not layout.planes,
     )
 

@@ -55,10 +55,9 @@ _STEADY = Outcome.STEADY.code
 _PERIODIC = Outcome.PERIODIC.code
 _UNDAMPED = Outcome.UNDAMPED.code
 _NOTHING = -1
-# real parts this small, relative to the largest eigenvalue, neither grow nor die out
-_CENTRE = 1e-12
-_SEEN = 1e-9  # part of its size by which a component has to swing to be called undamped
-_LATER = 0.5  # part of the time gone by after which a proof is tried again
+_CENTRE = 1e-12  # real parts this small, relative to the largest eigenvalue, neither grow nor decay
+_SEEN = 1e-9  # amplitude of an undamped component relative to its size
+_LATER = 0.5  # fraction of the elapsed time after which a proof is tried again
 
 
 class LongTermOutcomes(NamedTuple):
@@ -272,7 +271,7 @@ def affine_outcomes(
     largest = np.max(np.abs(rate), axis=1, initial=0.0)[:, None]
     grows = np.any((r != 0.0) & (rate.real > _CENTRE * largest), axis=1)
     stays = (r != 0.0) & (np.abs(rate.real) <= _CENTRE * largest)
-    # All signals as c + c₁τ + c₂τ², what dies out or swings, and what answers to the drives.
+    # All signals as c + c₁τ + c₂τ², decaying or oscillating terms, and the response to the drives.
     fading = np.einsum("kgi,ki->kg", T.a[slot], r).real
     answer = np.einsum("kgm,km->kg", T.b[slot], spin).real
     drift = np.einsum("kgs,ks->kg", T.c1[slot], s)

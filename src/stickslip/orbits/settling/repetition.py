@@ -19,7 +19,7 @@ from stickslip.numerics.levels import MAKES_UP
 from stickslip.orbits.fields.lines_and_phases import Slopes, read_formulas
 from stickslip.symbolic import expressions as ex
 
-_WHOLE = 1e-9  # relative distance from a whole number of periods
+_WHOLE = 1e-9  # relative distance from an integer number of periods
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
 
 _SAME = 1e-12  # rates that differ by less, relative to their terms, are the same
-_ROOM = 2.0  # a guard is this many times further away than the motion can bring it
-_CURVED = 0.25  # the Jacobian changes by at most this part of the slowest decay
+_ROOM = 2.0  # smallest ratio of the distance of a guard to the reach of the motion
+_CURVED = 0.25  # largest change of the Jacobian relative to the slowest decay rate
 _NEWTON = 20
 
 
@@ -165,8 +165,8 @@ class _Neighbourhood:
                 break
         else:
             return None
-        # A drift along a translation is a steady motion, any other is none: what sticks may be
-        # carried along.
+        # Only a drift along a translation is a steady motion: sticking contacts may be carried
+        # along.
         rates = self._rates(y)
         J = np.abs(
             self.piece.jacobian(np.array([self.t]), y[:, None], self.p)[0][:, :n] * self.units

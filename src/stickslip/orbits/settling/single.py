@@ -15,7 +15,7 @@ from stickslip.orbits.fields.symmetry import Symmetry
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Invariance, Settings
 
-_ASIDE = 0.381966  # of a period
+_ASIDE = 0.381966  # fraction of a period
 _MOST_EVENTS = 1 << 60
 
 

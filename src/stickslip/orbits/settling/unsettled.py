@@ -18,11 +18,11 @@ CERTAIN_GROWTH = 3.0
 """Logarithm of the growth of a small change from which on neighbours part for certain: along a
 quasi-periodic motion it grows in proportion to the time, which is a factor of 2 here."""
 
-_RETURNS = 8  # over a lag, from which on anything can be said
-_CLOSER = 0.1  # of a return over a lag, of which it is a multiple: that is none of its own
-_STRAIGHT = 0.999  # distance over the way along a line
+_RETURNS = 8  # smallest number of returns over a lag for a conclusion
+_CLOSER = 0.1  # a longer lag is chosen if it misses by less than this fraction of a shorter one
+_STRAIGHT = 0.999  # ratio of distance and path length along a line
 _EVEN = 0.9  # correlation of the logarithms of returns with their numbers; that of a wave is less
-_CHANGED = 0.1  # of these logarithms, from the first to the last
+_CHANGED = 0.1  # smallest change of these logarithms from the first to the last
 
 
 def elapsed_of(marks: Marks, rules: Rules, saved: Lane) -> Array:

@@ -42,18 +42,19 @@ from stickslip.stopping.scopes import check_stop
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SOLVED = 1e-11  # of the amplitude, and of the size of the cycle
-_KNOWN = 3e-3  # of the amplitude: a miss at which its derivative is not made anew
+_SOLVED = 1e-11  # relative error of the amplitude and the size of the cycle
+_KNOWN = 3e-3  # relative error of the amplitude below which its derivative is not recomputed
 _MOST_STEPS = 20
-_HALVINGS = 5  # of one of them
-_BALANCES = 3  # rounds in which the excitation is guessed
-_SAMPLED, _IN_STEP = 64, 4  # of the period in which that is done, and of a step, at least
+_HALVINGS = 5  # largest number of halvings of a step
+_BALANCES = 3  # iterations in which the excitation is guessed
+_SAMPLED, _IN_STEP = 64, 4  # smallest number of samples of the period, and of a step, for the guess
 _STRONGEST = 20.0  # growth rate of the guess, in a period, beyond the linear damping
-_OTHER = 0.4  # logarithm of a ratio of periods between neighbours
-_SHRINK = 0.5  # part of a step of the amplitude that is tried next
-_LEAST = 1e-3  # … but none shorter than this part of the amplitude
-_SINGULAR = 1e-13  # singular value, of the largest, of equations that are scaled: rounding
-_SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
+_OTHER = 0.4  # largest |log ratio| of the periods of neighbours
+_SHRINK = 0.5  # factor on a step of the amplitude that failed
+_LEAST = 1e-3  # … but not below this fraction of the amplitude
+_SINGULAR = 1e-13  # singular value, relative to the largest, of scaled equations: a rounding error
+# samples of a step, between which the coordinate has at most one extremum, and refinements
+_SAMPLES, _REFINED = 16, 6
 
 
 @dataclass(frozen=True)
@@ -295,7 +296,8 @@ class Amplitudes:
         self, shooting: Shooting, orbit: Orbit, step: Array, amplitude: float, miss: float
     ) -> tuple[Orbit, float] | None:
         """The first of the shortened steps with a smaller residual; None if there is none."""
-        # What moves little may be far off in units of its size; period and excitation may not.
+        # Components that move little may be far off in units of their size; period and excitation
+        # may not.
         sizes = np.abs(step / _units(shooting, orbit))[[shooting.time, -1]]
         part = min(1.0, ratio(0.3, sizes[0]), ratio(1.0, sizes[1]))
         for _ in range(_HALVINGS):
@@ -470,7 +472,7 @@ def _ends(motion: Trajectory, along: ValuesAndRates) -> tuple[float, float, tupl
         seen.append((middle, value))
         left = np.sign(h) == np.sign(
             f
-        )  # the turn is on the other side; what stays counts half (Illinois)
+        )  # the extremum is on the other side; the value at a retained end is halved (Illinois)
         a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
         b = np.where(left, b, middle)
     times, values = (np.concatenate(part) for part in zip(*seen, strict=True))

@@ -56,9 +56,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SAMPLES = 64  # of a period, and around the highest of them
-_AGREES = 1e-8  # to which the amplitude is that which is wanted
-_SMALLER, _MOST_SMALLER = 0.25, 8  # amplitudes tried below those that are wanted
+_SAMPLES = 64  # samples of a period, and around the highest of them
+_AGREES = 1e-8  # largest relative error of the amplitude
+# factor on the requested amplitudes for smaller ones to try, and largest number of these
+_SMALLER, _MOST_SMALLER = 0.25, 8
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -42,7 +42,8 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
-_AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
+# a curve that differs from a straight line by less, relative to its values, is affine
+_AFFINE = 1e-10
 _REMEDY = (
     "The system needs two rate-independent coordinates that are coupled only by their distance "
     "and one other coordinate"
@@ -108,7 +109,7 @@ def extreme_of(one: PiecewiseAffine, other: PiecewiseAffine, sign: int = 1) -> P
     pick = np.minimum if sign > 0 else np.maximum
     nodes = np.union1d(one.nodes, other.nodes)
     gap = PiecewiseAffine.through(lambda x: one(x) - other(x), nodes)
-    # Where the curves are parallel, rounding errors are no slope.
+    # If the curves are parallel, the slope of their difference is a rounding error.
     least = FEW_ROUNDINGS * max(np.max(np.abs(curve.values)) for curve in (one, other))
     left, right = (slope if abs(slope) > least else 0.0 for slope in gap.slopes)
     gap = replace(gap, slopes=(left, right))
@@ -290,7 +291,7 @@ class HysteresisOperator:
         Its area ∮ d dψ, positive if anticlockwise, times the coupling is the energy supplied to ψ
         in a period.
         """
-        # By return-point memory the loop is closed after one cycle.
+        # Return-point memory closes the loop after one cycle.
         start = self([low, high, low])[-1]
         return self.path([low, high, low], initial=start)
 

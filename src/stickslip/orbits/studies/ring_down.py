@@ -43,9 +43,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LEAST = 1e4  # times rtol, relative to the largest amplitude: smaller ones say nothing of damping
+# in units of rtol, relative to the largest amplitude: smaller amplitudes do not determine damping
+_LEAST = 1e4
 _TURNS = 1e-9  # velocities at turning points, relative to the largest one
-_SAMPLES = 4000  # of the motion, for pictures
+_SAMPLES = 4000  # samples of the motion for figures
 
 
 @dataclass(frozen=True, eq=False, repr=False)

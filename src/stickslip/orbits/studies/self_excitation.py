@@ -26,9 +26,9 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 EXCITATION = "self_excitation"
 """Name of the parameter ξ that the excited system has more."""
-_STEPS = 50  # of Newton's method to the rest
-_RIGID = 1e-12  # a square of a frequency below this part of the largest is 0
-_AT_REST = 1e-12  # a step of this part of the state is none
+_STEPS = 50  # largest number of Newton iterations for the equilibrium
+_RIGID = 1e-12  # squared frequency relative to the largest that is 0
+_AT_REST = 1e-12  # step relative to the state that counts as zero
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def self_excited(system: System, values: Mapping[str, float]) -> System:
         EXCITATION: Parameter(0.0, unit, "self-excitation by mass"),
     }
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # doubts were told when the system was declared
+        warnings.simplefilter("ignore")  # warnings were issued when the system was declared
         found = replace(quiet, coordinates=coordinates, parameters=parameters, conditions={})
     if derive(found.declaration).timed:
         what = _driving(found) or "time"
@@ -227,7 +227,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
 
     known = [found for at in (np.zeros(n), begin) if (found := rests(at)) is not None]
     for rest, stiffness in known:
-        # Of forces without a potential only the symmetric part of their slopes counts.
+        # For forces without a potential only the symmetric part of their slopes counts.
         squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
         modes = [
             LinearMode(

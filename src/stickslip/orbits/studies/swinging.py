@@ -17,7 +17,7 @@ from stickslip.orbits.cycles.over_period import linear_form
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_LARGEST = 1e150  # its square is finite, as products of slopes have to be
+_LARGEST = 1e150  # largest value: its square is finite, as products of slopes have to be
 
 ValuesAndRates = Callable[[Array, AnyArray], tuple[Array, Array]]
 

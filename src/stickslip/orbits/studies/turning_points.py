@@ -18,12 +18,13 @@ from stickslip.motion.trajectory import Trajectory
 from stickslip.numerics.levels import ROUNDED_SUM, TINIEST
 from stickslip.orbits.studies.swinging import ValuesAndRates
 
-_PIECES = 8  # of a step, at first
-_PIECES_OF_ALL = 256  # of the whole motion, at first
-_BETWEEN = 0.3819660112501051  # where a cubic is compared: irrational, to avoid aliasing
-_MISSES = 0.02  # error of a cubic, relative to the velocity, up to which it is used
-_NEAR = 0.1  # a minimum of the velocity below this part of its size is evaluated
-_ZERO = 1e-11  # velocities below this part of the largest one are zero
+_PIECES = 8  # initial number of pieces of a step
+_PIECES_OF_ALL = 256  # initial number of pieces of the entire motion
+# position at which a cubic is compared: irrational, to avoid aliasing
+_BETWEEN = 0.3819660112501051
+_MISSES = 0.02  # largest error of a cubic relative to the velocity
+_NEAR = 0.1  # a minimum of the velocity below this fraction of its size is evaluated
+_ZERO = 1e-11  # velocities below this fraction of the largest one are zero
 _ROOT = 4.0 * np.finfo(float).eps  # relative
 
 

@@ -13,12 +13,14 @@ from stickslip.rate_independent.sets.phase_intervals import NOWHERE_NEAR, Index,
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.signals.signal import NARROWEST_INTERVAL
 
-_PARTS = 8  # of a divided interval
+_PARTS = 8  # number of parts of a divided interval
 # neighbours on both sides that are also divided, in anticipation of the next force
 _AHEAD = 4
-_SHARE = 0.05  # of how far a force was seen outside, by which it may lie farther outside
-_MOST = 2**18  # intervals
-_BESIDE = 2.0**-7  # distance from the end of a period below which a phase is beside it
+# accepted excess of a force beyond K(s), relative to the largest excess that was found
+_SHARE = 0.05
+_MOST = 2**18  # largest number of intervals
+# distance from the end of a period below which a phase is regarded as close to it
+_BESIDE = 2.0**-7
 NO_PHASES = np.zeros(0)  # phases at which a force touches
 
 
@@ -97,7 +99,7 @@ class Cover:
             if not known.all()
             else touching
         )
-        # K(s) may jump where a period ends: a phase beside that end is close to both.
+        # K(s) may jump where a period ends: a phase close to that end is close to both sides.
         seam = np.array([(phases < _BESIDE).any(), (phases > 1.0 - _BESIDE).any()])
         return self.source.around(np.append(phases, np.array([1.0, 0.0])[seam]), xi, enough)
 
@@ -137,7 +139,7 @@ class Cover:
             start, end = rows.start.excess(force), rows.end.excess(force)
             ends = np.maximum(start, end)
             np.maximum.at(seen, which, ends)
-            # What is narrower than the rounding of a phase has no inside.
+            # An interval narrower than the rounding error of a phase has no interior.
             wide = self.high[active] - self.low[active] > NARROWEST_INTERVAL
             if share is None:
                 wide &= seen[which] <= enough

@@ -18,8 +18,8 @@ from stickslip.rate_independent.signals.signal import Minima, Signal, wrapped
 PHASE_SAMPLES = 256
 """Phases at which functions are looked at. A minimum is missed if it is narrower and shows in none
 of them."""
-_MOST_SECTIONS = 40  # of a sharpened maximum
-_RESOLVED = 1e-2  # what counts as better
+_MOST_SECTIONS = 40  # largest number of iterations for a maximum
+_RESOLVED = 1e-2  # relative change that counts as an improvement
 _MOST_SEPARATE = 2000  # functions that can be refined one by one
 
 
@@ -53,7 +53,8 @@ def least_over_phases(signal: Signal) -> Minima:
             centre - 1 / PHASE_SAMPLES,
             centre + 1 / PHASE_SAMPLES,
         )
-        order = np.argsort(-refined, kind="stable")  # the least of an entry is written last
+        # if an entry occurs more than once, its minimum is written last
+        order = np.argsort(-refined, kind="stable")
         index = index[order]
         refined = refined[order]
         found = found[order]

@@ -10,8 +10,8 @@ from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import FEW_ROUNDINGS
 from stickslip.rate_independent.sets.potential import Dissipation, OptimalMotion
 
-_MOST_NUMBERS = 20_000_000  # in the table of an optimal motion
-VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, of the largest
+_MOST_NUMBERS = 20_000_000  # largest number of entries of the table of an optimal motion
+VANISHING_THRESHOLD = 1e-12  # thresholds that count as 0, relative to the largest
 
 
 def measure_with_sum(

@@ -15,17 +15,17 @@ from stickslip.rate_independent.sets.phase_intervals import AtPhases
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.signals.signal import wrapped
 
-_STEP = 1e-6  # of differences in Newton's method
+_STEP = 1e-6  # step of the differences in Newton's method
 _STEP_OF_PHASES = 1e-3  # … with respect to phases
-_WIDEST = 2e-3  # differences of phases
+_WIDEST = 2e-3  # largest differences of phases
 _SHIFTS = np.array([-1.0, -0.5, 0.5, 1.0])
 # derivative of fourth order from the values at _SHIFTS
 _DIFFERENCE = np.array([1.0, -8.0, 8.0, -1.0]) / 6.0
-_MOST_ITERATIONS = 12  # that do not yet converge fast
-_FAST = 0.1  # part of the residual that a fast iteration leaves at most
-_SMALL = 1e-8  # a Newton step after which none is needed
-_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried
-_SLOW = 1e-8  # below this, what falls slowly is rounding
+_MOST_ITERATIONS = 12  # largest number of iterations without fast convergence
+_FAST = 0.1  # largest ratio of successive residuals of a fast iteration
+_SMALL = 1e-8  # size of a Newton step after which the iteration ends
+_SHARES = (1.0, 0.5, 0.25, 0.1)  # fractions of a step that are tried
+_SLOW = 1e-8  # residual below which a slow decrease is regarded as rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def refined(
         )[0]
         to_x = step[:n]
         to_contacts = step[n:].reshape(k, n + 1)
-        if float(np.abs(step).max()) <= _SMALL:  # the next one would be rounding
+        if float(np.abs(step).max()) <= _SMALL:  # the next step would be a rounding error
             x, contacts = x - to_x, contacts - to_contacts
             break
         for share in _SHARES:

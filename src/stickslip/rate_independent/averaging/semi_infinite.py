@@ -40,18 +40,18 @@ from stickslip.rate_independent.sets.potential import Average, Dissipation, Opti
 from stickslip.rate_independent.signals.signal import wrapped
 
 MOST_ROUNDS = 60
-_FORGETFUL = 6  # rounds in which constraints may go
-_CLUSTER = 0.02  # phases closer than this may be one
-_SAME = 1e-6  # phases closer than this are one
-_NEAR = 1e-2  # violation, as a multiple of the size of K, from which Newton's method is tried
-_SHARPEST = 1e-13  # duality gap that rounding allows
-_MOST_PEAKS = 16  # phases that join in one round
-_SURE = 0.25  # part of the tolerance that what is not seen of K(s) may take
-_MEMORY = 256  # solutions that are remembered
-_LOOKS = 192  # forces whose distances from K(s) are remembered
-_AT_ONCE = 64  # forces that are looked at together
-_FALLEN = 1e-9  # of its value, by which a bound has to fall for phases to be forgotten
-_MOVING = 1e-10  # of the norm of a measure, below which a phase has no motion
+_FORGETFUL = 6  # number of iterations in which constraints may be removed
+_CLUSTER = 0.02  # phases closer than this may be the same
+_SAME = 1e-6  # phases closer than this are the same
+_NEAR = 1e-2  # violation, as a multiple of the size of K, below which Newton's method is tried
+_SHARPEST = 1e-13  # smallest duality gap, limited by rounding errors
+_MOST_PEAKS = 16  # largest number of phases added in one iteration
+_SURE = 0.25  # fraction of the tolerance for the part of K(s) that is not sampled
+_MEMORY = 256  # number of solutions that are stored
+_LOOKS = 192  # number of forces whose distances from K(s) are stored
+_AT_ONCE = 64  # number of forces that are examined together
+_FALLEN = 1e-9  # relative decrease of a bound after which phases are discarded
+_MOVING = 1e-10  # relative to the norm of a measure: a phase with less has no motion
 Constraint = tuple[float, ConeForm]
 
 
@@ -379,7 +379,7 @@ class Intersection(Average):
     ) -> list[Constraint]:
         """Active constraints of a force, violated ones, and given others."""
         forces = {s: held.xi for held in found for s in (*held.phases.tolist(), *held.violated)}
-        if self.source.cone_form(0.0) is not None:  # one constraint says all about a phase
+        if self.source.cone_form(0.0) is not None:  # one constraint describes a phase completely
             constraints = [(s, form) for s, form in constraints if s not in forces]
         return [*constraints, *(self._constraint(s, xi) for s, xi in forces.items())]
 

@@ -31,11 +31,11 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import slopes
 
 _PHASE = OF_PHASE.name
-_BOXES = 256  # of directions, in which deviations between phases are bounded
-_TILTS = (1e-60, 1e-15, 1e-12, 1e-9)  # of a direction in which the formula has no derivative
-_COARSE = 1e-6  # accuracy of a distance from which what is normal to K(s) is improved
+_BOXES = 256  # number of boxes of directions in which deviations between phases are bounded
+_TILTS = (1e-60, 1e-15, 1e-12, 1e-9)  # tilts of a direction in which the formula has no derivative
+_COARSE = 1e-6  # accuracy of a distance from which the normal of K(s) is refined
 _MOST_CUTS = 20
-_MOST_BOXES = 4000  # in which the radius of a ball is proved
+_MOST_BOXES = 4000  # largest number of boxes in the proof of the radius of a ball
 
 
 class Nearby(NamedTuple):
@@ -97,7 +97,7 @@ class FormulaSets(Dissipation):
         xi = self._search.at(v, others).gradient
         if np.isfinite(xi).all():
             return xi
-        # On a kink of a root: the gradient beside it belongs to v, too, up to the tilt.
+        # On a kink of a root: the gradient nearby belongs to v, too, up to the tilt.
         way = np.random.default_rng(0).uniform(0.5, 1.0, self.dimension) * np.abs(v).max()
         for tilt in _TILTS:
             xi = self._search.at(v + tilt * way, others).gradient
@@ -237,7 +237,7 @@ class FormulaSets(Dissipation):
         if ray is None:
             return None
         edge = self._search.on_face(ray, self._others(s))
-        # Of a point of K(s), any smaller multiple is in K(s), too.
+        # K(s) contains every smaller multiple of each of its points.
         gauge = float(xi @ edge) / float(edge @ edge)
         inside = min(gauge, 1.0) * edge
         away = float(np.linalg.norm(xi - inside))

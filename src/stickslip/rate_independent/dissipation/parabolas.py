@@ -19,10 +19,10 @@ from stickslip.numerics.levels import ROUNDED_TERM
 from stickslip.rate_independent.signals.signal import Signal
 
 CELLS = 4096  # intervals of equal length on which S″ is enclosed
-# by which what is taken in to both sides grows: 1, 2, 4, ..., 32 cells
+# shifts in cells by which the enclosures are extended on both sides: reach 1, 2, 4, ..., 32
 _SHIFTS = (1, 1, 2, 4, 8, 16)
-_NEWTON = 4  # steps to a vertex
-_FARTHEST = 2.0**-8  # the longest one
+_NEWTON = 4  # number of Newton steps to a vertex
+_FARTHEST = 2.0**-8  # largest Newton step
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +56,8 @@ class Parabolas:
         least, most = matrix.bent(low, high)
         rows: list[tuple[Array, ...]] = []
         for shift in _SHIFTS:
-            # What three neighbours reach takes in all that lies between: each reaches as far as the
-            # next one is.
+            # The enclosures of three neighbours cover the interval between them: each reaches to
+            # the next.
             sides = [np.maximum(cell - shift, 0), cell, np.minimum(cell + shift, CELLS - 1)]
             low, high = low[sides[0]], high[sides[2]]
             least, most = least[sides].min(axis=0), most[sides].max(axis=0)
@@ -93,7 +93,7 @@ class Parabolas:
         width = np.maximum(high - phases, phases - low)
         size = width * np.sqrt(np.square(first).sum(axis=(1, 2)))
         size += 0.5 * width**2 * (np.sqrt(np.square(second).sum(axis=(2, 3))) + radius)
-        # Without other directions there is no coupling.
+        # In one dimension there is no coupling.
         others = values[:, 1] if len(xi) > 1 else np.full(len(phases), np.inf)
         coupling = np.sqrt(np.square(first[:, 1:, 0]).sum(axis=1))
         coupling = coupling + 0.5 * width * (

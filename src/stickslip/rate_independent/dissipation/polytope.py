@@ -52,8 +52,8 @@ from stickslip.rate_independent.signals.signal import (
 from stickslip.results import listed
 
 _NARROW = 1e-6  # ratio of distances of half-spaces below which 0 is too near to one for Qhull
-_UNBOUNDED = 1e-10  # what is left of the sum of unit normals of a bounded polytope
-_PERIODIC = 1e-8  # of its value: change over a period of a support, which vertices give
+_UNBOUNDED = 1e-10  # residual of the sum of unit normals of a bounded polytope
+_PERIODIC = 1e-8  # largest relative change of a support over a period, as given by the vertices
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,8 @@ from stickslip.rate_independent.sets.projections import (
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation.polytope import Polytope
 
-_PLANAR_UP_TO = 16  # points of planar hulls of which all pairs are looked at
-_FLAT = 1e-12  # width of a hull that has no inside, relative to its size
+_PLANAR_UP_TO = 16  # number of points of planar hulls up to which all pairs are tested
+_FLAT = 1e-12  # width of a hull without interior, relative to its size
 QHULL_UP_TO = 6  # dimension above which the vertices of a polytope are too many
 
 
@@ -114,7 +114,7 @@ class HalfspacesOnIntervals(RowWise, PhaseIntervals[SampledHalfspaces]):
         beyond = (
             np.maximum(self.start.beyond(before), self.end.beyond(after)) + bent + self.off_offsets
         )
-        # The length of a normal on the way: at least what it has along the mean of both ends.
+        # The length of an intermediate normal: at least its component along the mean of both ends.
         mean = (N + M) / np.maximum(lengths(N + M), np.finfo(float).tiny)[:, :, None]
         moved = lengths(self.off_normals)
         short = (
@@ -155,7 +155,8 @@ class SampledHulls(RowWise, AtPhases):
         excess = (np.einsum("mfn,mn->mf", self.normals, rows) - self.offsets).max(axis=1)
         for k in np.flatnonzero(~self.known):
             excess[k] = self.potential.depth(rows[k], float(self.phases[k]))
-        # What lies outside of facets by more than rounding is farther away behind a sharp corner.
+        # At a sharp corner, the distance of a point outside of facets exceeds the distances from
+        # these.
         for k in np.flatnonzero(excess > FEW_ROUNDINGS * np.abs(rows).max(axis=1)):
             excess[k] = max(
                 excess[k], float(np.linalg.norm(rows[k] - self._nearest(rows[k], int(k))))
@@ -235,7 +236,8 @@ class HullsOnIntervals(RowWise, PhaseIntervals[SampledHulls]):
         first, last = self.start.excess(before), self.end.excess(after)
         moved = lengths(self.off_points).max(axis=1)
         bent = lengths(off)
-        # No point of the hull, and no force, is farther from where it is at an end than that.
+        # Bound of the distance of any point of the hull, and of any force, from its position at an
+        # end.
         step = lengths(self.end.points - self.start.points).max(axis=1) + lengths(after - before)
         out = np.minimum(first, last) + step + moved + bent
         for k in np.flatnonzero(out > enough):

@@ -17,13 +17,13 @@ from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.signals.signal import SAMPLE_PHASES, wrapped
 
-_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # of differences, in units of |v|
+_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 3e-7)  # steps of differences, in units of |v|
 _TILT = 1e-5
 _BY_DIFFERENCES = 1e-6  # accuracy of a nearest point from differences of the support function …
 _BY_SUBGRADIENTS = 1e-9  # … and from its subgradients
 _ROUGH = 1e-4  # accuracy of a nearest point that only starts a search
-_ENOUGH = 1e-11  # change between steps of differences after which none is better …
-_ENOUGH_ASIDE = 1e-9  # … and beside a kink
+_ENOUGH = 1e-11  # change between steps of differences that is accepted …
+_ENOUGH_ASIDE = 1e-9  # … and near a kink
 
 
 class SupportFunction(Dissipation):

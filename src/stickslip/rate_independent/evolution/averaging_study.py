@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LOADING = 5.0  # seconds beside which loading machine code does not count
+_LOADING = 5.0  # wall time in seconds above which the loading of machine code is negligible
 _INTERRUPTED = "interrupted"
 _SHOWN = ("distance", "equicontinuity", "rate_l1", "rate_l2", "steps")  # over ε, in a summary
 _GRID = 1024  # intervals of the span on which the modulus of continuity is measured

@@ -16,8 +16,8 @@ from stickslip.arrays import Array
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.sets.phase_intervals import Index
 
-_PARTS = 4  # of a divided interval
-_MOST = 200_000  # intervals of one block of steps
+_PARTS = 4  # number of parts of a divided interval
+_MOST = 200_000  # largest number of intervals of one block of steps
 
 
 def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) -> Array:
@@ -40,7 +40,7 @@ def overshoot(problem: Evolution, times: Array, elastic: Array, limit: Array) ->
         looked += len(step)
         start, end, out = _outside(problem, times, elastic, low, high, step, float(limit.min()))
         np.maximum.at(seen, step, np.maximum(start, end))
-        # A step that is seen to be too long is done with.
+        # A step that is found to be too long needs no further examination.
         open_ = (out > limit[step]) & (seen[step] <= limit[step]) & problem.bounded
         open_ &= high - low > 8.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
         if looked + _PARTS * int(open_.sum()) > _MOST:

@@ -36,7 +36,7 @@ KKT = 1e-8  # residual of a step, relative to the largest weight
 # Steps of the coarse mesh that an adaptive evolution refines: in a period, and in all.
 _PER_PERIOD = 8
 _PER_SPAN = 64
-KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
+KEPT = 20_000_000  # largest number of values of z that are stored by default
 
 
 @validated
@@ -305,7 +305,7 @@ class OutputPlan:
                 )
         self.stride = output if np.ndim(output) == 0 and output is not None else 1
         self.count: int = 0  # steps so far
-        self.size: int = 0  # numbers kept of z
+        self.size: int = 0  # number of stored values of z
         self.kept: list[tuple[Array, Array]] = []
         self.blocks: list[tuple[Array, dict[str, Array], Array]] = []
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PHASE_STEP = 0.25  # longest step that still sees the oscillation, in periods
+_PHASE_STEP = 0.25  # longest step that resolves the oscillation, in periods
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -20,10 +20,11 @@ from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.rate_independent.sets.stable_sets import largest_weight
 from stickslip.rate_independent.solvers.choose import StepSolver
 
-_LEAST = 1e-3  # smallest energy scale, as a part of the energy that the load can transfer
-_LOOK_AHEAD = 64  # a solver's block over this is the smallest number of steps computed at once
-_SHARE = 0.5  # of the tolerance that forces may leave K by during an adaptive step
-_SHORTEST = 2.0**-44  # step, as a part of the whole time
+_LEAST = 1e-3  # smallest energy scale, as a fraction of the energy that the load can transfer
+_LOOK_AHEAD = 64  # block size of a solver divided by the smallest number of steps computed together
+# largest excess of the forces over K during an adaptive step, as a fraction of the tolerance
+_SHARE = 0.5
+_SHORTEST = 2.0**-44  # shortest step, as a fraction of the time span
 
 
 class March:

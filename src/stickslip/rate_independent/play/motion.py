@@ -111,8 +111,8 @@ class PlayMotion:
         near = self.middle(k)
         dissipated, supplied, modulus, change = self.integrals(k, time[1:])
         before, after = (self.bounds.load.sample(t, near).value for t in (time[1:], time[:-1]))
-        # A jump has no duration: the load jumps first, then z falls down the energy, and what it
-        # loses is dissipated.
+        # A jump has no duration: the load jumps first, then z moves down the energy, and the
+        # difference is dissipated.
         jumps = np.flatnonzero(time[1:] == time[:-1])
         before[jumps] = after[jumps] = after[jumps + 1]
         fall = self.energy(before, position[:-1]) - self.energy(before, position[1:])

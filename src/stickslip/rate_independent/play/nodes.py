@@ -17,9 +17,9 @@ from stickslip.rate_independent.play.clamp import clamp_samples
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Value
 
-_CHUNK = 2**12  # panels at once: what fits into the cache
+_CHUNK = 2**12  # number of panels that are evaluated together, to fit in the cache
 _MOST_EDGES = 50_000_000
-_SMALLEST_JUMP = 64.0  # of a bound where two panels meet, in units of its rounding
+_SMALLEST_JUMP = 64.0  # smallest jump of a bound between two panels, in units of its rounding error
 
 
 class Sample(NamedTuple):

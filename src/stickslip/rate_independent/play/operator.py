@@ -372,7 +372,7 @@ class Play(Result):
         audit = self.audit
         balance = audit.energy - audit.energy[0] + audit.dissipated - audit.supplied
         scale = max(float(np.ptp(audit.energy)), audit.dissipated[-1], audit.supplied_modulus)
-        # What is small against the largest force is known to its rounding only.
+        # A value that is small relative to the largest force is known only up to rounding errors.
         now = self.at(self.time)
         yielding = float(
             max(np.max(np.abs(now[name])) for name in ("load", "threshold_plus", "threshold_minus"))

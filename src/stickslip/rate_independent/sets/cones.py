@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, need
 from stickslip.numerics.levels import FEASIBLE
 
-_TIGHTEST = 1e-13  # of an interior-point method: as far as rounding lets it go
+_TIGHTEST = 1e-13  # tolerance of an interior-point method, limited by rounding errors
 _NONNEGATIVE = "nonnegative"
 _SECOND_ORDER = "second order"
 

@@ -28,19 +28,21 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator_of_numbers
 
 _EPS = float(np.finfo(float).eps)
-_MOST = 60  # damped steps
+_MOST = 60  # largest number of damped steps
 _MOST_ON_KINK = 25
-_SHORTEST = 2.0**-16  # share of a step
+_SHORTEST = 2.0**-16  # shortest fraction of a step
 _SHORT = 0.1
-_MOST_SHORT = 3  # steps that had to be shortened a lot: there is a kink
-_EXACT = 16.0 * _EPS  # residual, relative to the forces, that is rounding
-_NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the solution
-_BESIDE = (1e-8, 1e-11, 1e-14)  # of |v|: how far from a kink gradients beside it are taken
-_SURE = 1e-10  # of a point: how close a mean of gradients has to be, to stand for it
+_MOST_SHORT = 3  # number of steps that had to be shortened a lot: there is a kink
+_EXACT = 16.0 * _EPS  # residual, relative to the forces, that is a rounding error
+# relative to |v|: largest distance of a start from a kink that contains the solution
+_NEAR_KINK = 0.05
+# relative to |v|: distances from a kink at which gradients are evaluated
+_BESIDE = (1e-8, 1e-11, 1e-14)
+_SURE = 1e-10  # largest relative distance of a mean of gradients from the point that it represents
 _MOST_ON_FACE = 60
-_ON_KINK = 1e-9  # of |v|: a start that lies on a kink
-_PROBES = 8  # random directions in which a point is compared with the support function
-_NO_PROBE = 1e-9  # length of a unit vector with a way added that is left without a direction
+_ON_KINK = 1e-9  # relative to |v|: a start this close to a kink lies on it
+_PROBES = 8  # number of random directions in which a point is compared with the support function
+_NO_PROBE = 1e-9  # smallest length of the sum of two unit vectors that has a direction
 _REACHES = (1.0, 1e-1, 1e-2, 1e-3)
 
 
@@ -133,7 +135,7 @@ class NormalSearch:
         found, v = self._descended(xi, W, others, start)
         if found is not None:
             return found
-        # Where it came to a stop is close to a kink.
+        # The search stopped close to a kink.
         return self.on_kink(xi, W, v, others) if v.any() else None
 
     def _descended(
@@ -179,7 +181,8 @@ class NormalSearch:
                         break
                 share *= 0.5
                 if share < _SHORTEST:
-                    # No better to rounding: a little more of it will do, else this is a kink.
+                    # No decrease beyond rounding errors: accept a slightly larger residual;
+                    # otherwise this is a kink.
                     if off <= 64.0 * _EXACT * size:
                         return Normal(now.gradient, v, np.linalg.pinv(here.hessian)), v
                     return None, v

@@ -33,11 +33,11 @@ from stickslip.results import listed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DRAWN = 8  # components of a potential that is drawn in a notebook
-_DIFFERENCE = 1e-7  # of the largest force, for slopes of projections: about √ε
-_OUTSIDE = 1e-8  # part of a radius: so far outside what is normal to K(s) is looked at
-_DEPTH = 1e-8  # accuracy of how far inside a force is
-_AXIS = 1e-8  # component of a basis of frictionless directions that shows which they are
+_DRAWN = 8  # number of components up to which a potential is drawn in a notebook
+_DIFFERENCE = 1e-7  # step for slopes of projections relative to the largest force: about √ε
+_OUTSIDE = 1e-8  # relative distance outside K(s) at which its normal is computed
+_DEPTH = 1e-8  # accuracy of the distance of a force from the boundary
+_AXIS = 1e-8  # component of a basis of frictionless directions above which an axis is one of them
 
 
 class Dissipation(ABC):
@@ -247,7 +247,8 @@ class Dissipation(ABC):
             return 0.0
         direction = xi / length
         reach = self._reach(direction, s, lambda x: self.project(x, s), LAST_DIGITS)
-        # What is normal to K(s) is known best from a little outside, neither far nor too close.
+        # The normal of K(s) is most accurate at a small distance outside, neither far nor too
+        # close.
         beyond = (1.0 + _OUTSIDE) * reach * direction
         ahead = beyond - self.project(beyond, s)
         slope = float(ahead @ direction)

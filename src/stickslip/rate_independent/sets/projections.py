@@ -18,16 +18,18 @@ if TYPE_CHECKING:
 
 Projection = Callable[[Array], tuple[Array, Array]]
 _DAMPED = 0.95  # fraction of the longest admissible gradient step
-_MOST_NEWTON = 500  # steps in all
-_MOST_IDLE = 40  # steps without progress
-_SHORTEST_SHARE = 2.0**-12  # of a Newton step
+_MOST_NEWTON = 500  # largest number of Newton steps
+_MOST_IDLE = 40  # largest number of steps without progress
+_SHORTEST_SHARE = 2.0**-12  # shortest fraction of a Newton step
 _ENOUGH = 1e-11  # accepted residual, relative to the sizes of ξ and y
 # exchanges of whole blocks without progress before one index at a time is exchanged
 _BLOCK_TRIALS = 3
-_NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier remains as it is
+_NO_STEP = 1e-16  # relative: less than half of ε, so that a multiplier does not change
 _ON_SPHERE = 2e-16  # a length below 1 + ε is 1
-_HOLDS = 1e-9  # of the largest miss or offset: what a projection onto half-spaces may miss
-_LEAST_RESIDUAL = 1e-16  # of the sizes of what is compared: less than that rounding leaves
+# violation of half-spaces by a projection, relative to the largest distance or offset
+_HOLDS = 1e-9
+# smallest residual relative to the compared sizes, limited by rounding errors
+_LEAST_RESIDUAL = 1e-16
 
 
 def nearest_in_box(M: Array, xi: Array, lower: Array, upper: Array) -> Array:

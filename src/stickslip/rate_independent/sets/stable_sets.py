@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
 
 Forces = tuple[Array, Array, Array]
-_ON_BOUND = 1e-12  # of a radius: how near to it a force may be inside and still be on its bound
-SIZED_AT = 17  # at which the size of K(s) is looked up
+_ON_BOUND = 1e-12  # relative to a radius: a force this close to it inside is on its bound
+SIZED_AT = 17  # number of phases at which the size of K(s) is evaluated
 
 
 class Step(NamedTuple):

@@ -28,21 +28,22 @@ _COARSEST = 1e-9
 """Largest relative error that rounding of the places may excuse: beyond it a function of unknown
 growth has a jump."""
 _FIRST_PANELS = 4
-MOST_PANELS = 2**18  # of a fit
-# width of a panel in parts of the whole, below which a function is taken to jump
+MOST_PANELS = 2**18  # largest number of panels of a fit
+# width of a panel relative to the interval below which a function is regarded as discontinuous
 _NARROWEST = 2.0**-50
-# width of a panel that only a corner can call for, if few of its neighbours are as narrow
+# width of a panel that only a corner requires, if few of its neighbours are as narrow
 _DEEP = 2.0**-12
-_SAME = 2.0**-40  # distance of two corners in parts of the whole, below which they are one
-_CLUSTER = 250  # panels that gather around one corner, at most
+_SAME = 2.0**-40  # distance of two corners relative to the interval below which they are one
+_CLUSTER = 250  # largest number of panels that gather around one corner
 _PASSES = 6
-_MOST_HALVINGS = 52  # of a panel, in search of zeros
-_SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of what is left then
+_MOST_HALVINGS = 52  # largest number of halvings of a panel in the search for zeros
+_SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of the remaining interval then
 # Columns of ZeroSearch.place.
 _MIDDLE, _HALF, _BEGIN, _END = range(4)
 # radii of discs around panels, in units of half their width, that may show what a fit can miss
 _REACHES = (8.0, 4.0)
-# How close to an end a fit is checked, as long as corners are known roughly, and afterwards.
+# Number of halvings towards an end at which a fit is checked, while corners are known roughly, and
+# afterwards.
 _SEARCH = 30
 _FINAL = 42
 
@@ -263,8 +264,8 @@ def _halve_until_resolved(
         sampled = function(middle + half * nodes(_DEGREE + 1)[:, None])
         c = transform(_DEGREE + 1) @ sampled
         scale = max(scale, float(np.max(np.abs(sampled))))
-        # A place is a rounded number, so a steep function is known no better than slope times
-        # rounding; what grows without bound on every disc is a jump.
+        # Arguments are rounded, so the error of a steep function is slope times rounding; a
+        # function that grows without bound on every disc has a jump.
         steepness = np.sum(np.abs(derivatives(c)), axis=0) / half
         blur = 4.0 * EPS * np.maximum(np.abs(start), np.abs(end)) * steepness
         tolerance = ROUNDING * scale + (

@@ -18,7 +18,7 @@ from stickslip.symbolic.extrema import least
 from stickslip.symbolic.formulas import formula_text
 from stickslip.symbolic.majorants import growth
 
-# around the place of a minimum: to which a search by bounds knows it
+# neighbourhood of a minimum, of the accuracy of a search by bounds
 _NEARBY = np.append(0.0, np.linspace(-2e-8, 2e-8, 64))
 _NEIGHBOURS = np.array([0, *(side * k for k in range(1, 9) for side in (1, -1))])
 
@@ -115,7 +115,7 @@ class Formulas(Signal):
             np.stack([slope for _, slope in slopes(expressions, inside, name)], axis=2)
             for expressions in (self.expressions, self._slopes)
         )
-        # Across a jump or a kink, a derivative says nothing: there, a slope of the formula or of
+        # Across a jump or a kink, a derivative is not a slope: there, a slope of the formula or of
         # its own is unbounded.
         known = np.isfinite(once).all(axis=0) & np.isfinite(twice).all(axis=0)
         twice = np.where(known, twice, np.array([-np.inf, np.inf])[:, None, None])
@@ -136,7 +136,7 @@ class Formulas(Signal):
         for e in self.expressions:
             if e not in known:
                 minimum = least(e, self.clock.name, 0.0, 1.0)
-                # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number
+                # A search by bounds locates a smooth minimum to 1e-8: choose the best number
                 # nearby.
                 near = wrapped(minimum.place + _NEARBY)
                 values = value_rows([e], near)[:, 0]
@@ -181,13 +181,14 @@ def _zeros(expression: Expr, name: str, edges: Array) -> Array:
             lambda u: np.nan_to_num(guard(u)), edges, growth=_growth(expression, name)
         )
     except ch.Unresolved:
-        return edges[:0]  # the fit of the whole formula says so, or finds its corners by itself
+        return edges[:0]  # the fit of the entire formula reports it, or finds its corners
     panel, x = ch.sign_changes(c, 0.0)
     inside = breaks[panel] + 0.5 * (x + 1.0) * np.diff(breaks)[panel]
     # A zero at the edge of two panels may show in neither.
     between = breaks[1:-1][np.abs(guard(breaks[1:-1])) <= ROUNDING * np.max(np.abs(c))]
     found = np.concatenate([inside, between])
-    # Of the numbers around it, the nearest at which the guard is smallest: t < 1 ends at 1.
+    # Of the floating-point numbers nearby, the nearest at which the guard is smallest: t < 1 ends
+    # at 1.
     near = np.clip(found + np.spacing(found) * _NEIGHBOURS[:, None], edges[0], edges[-1])
     best = np.argmin(np.nan_to_num(np.abs(guard(near)), nan=np.inf), axis=0)
     return near[best, np.arange(len(found))]

@@ -19,10 +19,11 @@ from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Signal, Variable
 
-# cached numbers: refined steps evaluate the same times again
+# largest number of cached values: refined steps evaluate the same times again
 _REMEMBERED = 2_000_000
 _FEW_PANELS = 2**13  # for a function that has to be called for each number
-_AT_ONCE = 1e-12  # relative: an array function and its values one by one differ by rounding alone
+# relative difference between an array function and its single values: rounding errors
+_AT_ONCE = 1e-12
 
 
 class CallableSignal(Signal):
@@ -122,7 +123,7 @@ class CallableSignal(Signal):
         expected = each(probe)
         try:
             at_once = np.asarray(self.function(probe), dtype=float)
-        except Exception:  # whatever it does with an array, it works for numbers
+        except Exception:  # any error of a user's function for arrays; it works for numbers
             return each, _FEW_PANELS
         if at_once.shape != probe.shape or not np.allclose(
             at_once, expected, rtol=_AT_ONCE, equal_nan=True

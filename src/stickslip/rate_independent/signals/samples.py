@@ -199,9 +199,9 @@ class MeasuredSignal(Signal):
         start, end = self.unwrapped(low), self.unwrapped(high)
         if self.samples.kind == "linear" and not self.samples.periodic:
             return Chord(start, end, np.zeros(start.shape))
-        # Off its chord a spline is by an eighth of the square of the length times the second
-        # derivative, lines by a quarter of the length times what their slope changes by, and steps
-        # by what they change by.
+        # Distance from the chord: for a spline an eighth of the squared length times the second
+        # derivative, for lines a quarter of the length times the change of slope, and for steps
+        # their change.
         order = {"cubic": 2, "linear": 1, "hold": 0}[self.samples.kind]
         least, most = self.samples.pieces.bounds((low, high), "even", order)
         length = high - low

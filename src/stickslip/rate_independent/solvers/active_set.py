@@ -25,8 +25,8 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.translator import compiled
 
 _EPSILON = 2.2e-16  # just below the spacing of numbers at 1
-_ROUNDING = 16 * _EPSILON  # of a sum of forces, relative to its largest terms
-_FRESH = 200  # changes, besides ten per component, after which the factor is recomputed
+_ROUNDING = 16 * _EPSILON  # rounding error of a sum of forces, relative to its largest terms
+_FRESH = 200  # number of changes, besides ten per component, after which the factor is recomputed
 
 
 # Slots of Face.counts.

@@ -13,10 +13,10 @@ from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolution import Evolution
 
-_SMALL = 800  # rows up to which a sparse matrix is treated as a dense one
+_SMALL = 800  # number of rows up to which a sparse matrix is treated as dense
 _SMALL_GROUPS = 100  # … with friction in groups
-_BLOCK = 20_000  # numbers in one array of a block of multigrid steps
-_DENSE = 4000  # rows up to which one may be
+_BLOCK = 20_000  # number of entries of an array of a block of multigrid steps
+_DENSE = 4000  # largest number of rows of a matrix that is treated as dense
 
 
 class StepSolver(Protocol):

@@ -14,7 +14,7 @@ from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 if TYPE_CHECKING:
     from stickslip.rate_independent.solvers.active_set import BoxSpace, Face
 
-_BLOCK = 400_000  # numbers in one array of a block of steps
+_BLOCK = 400_000  # number of entries of an array of a block of steps
 
 
 class BoxSteps:
@@ -93,7 +93,7 @@ class ProjectionSteps:
         while free.any():
             d = np.zeros_like(pull)
             own = np.ix_(free, free)
-            for _ in range(2):  # the second time for what rounding has left
+            for _ in range(2):  # the second iteration removes rounding errors
                 rest = pull - self.A @ d
                 d[free] += (
                     cho_solve(self.factor, rest)

@@ -20,7 +20,7 @@ from stickslip.rate_independent.solvers.smoothing import (
 )
 from stickslip.rate_independent.solvers.truncation import Truncation, galerkin, gather, truncate
 
-_DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
+_DENSE = 300  # number of unknowns up to which the last level is solved by a dense factorisation
 _RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
 
 
@@ -107,7 +107,7 @@ class Factor:
         ).toarray()
         diagonal = np.diagonal(H)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        # With a unit diagonal the ridge means the same for every unknown.
+        # With a unit diagonal the ridge is the same relative perturbation for every unknown.
         H *= np.outer(scale, scale)
         ridge = _RIDGE
         while True:
@@ -153,8 +153,8 @@ class Hierarchy:
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
-            # Entries that cancel in R A P have their place all the same: they do not cancel once A
-            # is truncated.
+            # Entries that cancel in R A P are stored all the same: they do not cancel once A is
+            # truncated.
             pattern = (abs(fine.R) @ pattern @ abs(fine.P)).tocsr()
             pattern.sort_indices()
             self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))
@@ -228,7 +228,7 @@ def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     m = fine.A.value.shape[1]
     pattern = rows(nodal)
     coarse = BlockRows(pattern.start, pattern.column, np.zeros((nodal.nnz, m, m)))
-    # No row is copied: none of the fine ones is whole yet.
+    # Rows are not copied: none of the fine ones is complete yet.
     every = fine.truncated._replace(H=fine.A, dirty=np.ones(len(fine.x), bool))
     made = Truncation(coarse, np.empty((n, m, m)), np.zeros(n, bool), np.zeros(n, bool))
     galerkin(every, *transfer, coarse, made, np.zeros(n, np.int64), fine.space)

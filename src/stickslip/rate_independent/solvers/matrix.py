@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import COMPUTED_ZERO, SYMMETRIC
 
-# rows up to which a sparse matrix is factorised to see whether it is positive definite
+# number of rows up to which a sparse matrix is factorised to test whether it is positive definite
 _DECIDED = 20_000
 
 
@@ -106,7 +106,7 @@ def _check_definite_sparse(A: Any, diagonal: Array) -> None:
             factors = splu(
                 A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
             )
-            # of L D Lᵀ: as many negative ones as negative eigenvalues
+            # L D Lᵀ: D has as many negative entries as there are negative eigenvalues
             pivot = float(factors.U.diagonal().min())
         except RuntimeError:
             pivot = 0.0

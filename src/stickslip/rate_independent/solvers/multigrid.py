@@ -38,13 +38,11 @@ from stickslip.rate_independent.solvers.smoothing import (
     slope_along,
 )
 
-# reduction of the gradient asked of the linear solver before the nodes at rest are looked at again
-_NEWTON = 0.1
+_NEWTON = 0.1  # reduction of the gradient by the linear solver before the nodes at rest are updated
 _LINE = 0.1  # reduction of the derivative along a correction
 _NESTED = 0.1  # reduction of the residual on coarser levels,
-_NESTED_CYCLES = 4  # within so many cycles
-# of the residual of d = 0: a given start that is not better than that loses against nested
-# iteration
+_NESTED_CYCLES = 4  # within this number of cycles
+# relative to the residual of d = 0: a given start with more is replaced by nested iteration
 _GOOD_START = 0.01
 
 
@@ -309,7 +307,7 @@ class Multigrid:
         p = newton.copy()
         stopped = project(d, p)
         if stopped == 0 and self.groups == 1:
-            # No kink on the way: J is quadratic there, and conjugate gradients have its minimiser
+            # Without a kink in between J is quadratic, and conjugate gradients have its minimiser
             # along p.
             d += p
             return
@@ -341,7 +339,7 @@ class Multigrid:
         t, end = lowest_along(
             lambda t: offset + t * curvature + slope_along(law.lower, law.upper, d, p, t), start
         )
-        # not from values of J, whose differences are soon lost in rounding
+        # not from values of J: their differences are soon rounding errors
         return 0.5 * t * (start + end), t
 
 
@@ -395,7 +393,7 @@ def checked_vector(given: Any, name: str, size: int) -> Array:
     """Check that an array has finite numbers and a given size."""
     if given is None:
         raise DeclarationError(name, "the value is missing", f"Give {size} numbers")
-    # compiled functions take no array that they could not write to
+    # compiled functions accept only writable arrays
     array = np.require(given, float, ("C", "A", "W"))
     if array.shape != (size,):
         raise DeclarationError(name, f"its shape is {array.shape}", f"Give {size} numbers")

@@ -18,7 +18,8 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.numerics.levels import LAST_DIGITS, SUM_ROUNDING
 from stickslip.translator import compiled
 
-# times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
+# relative to the radius: a group that barely moves would have a curvature radius/|d| larger than
+# all others
 _HELD = 1.0 + 1e-12
 
 

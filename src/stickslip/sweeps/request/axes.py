@@ -34,8 +34,8 @@ from stickslip.symbolic.formulas import Scope
 SAMPLES = ("sobol", "halton", "latin", "random")
 _SPACINGS = ("linear", "log", "list", *SAMPLES)
 _SAME = 1e-12  # values of two axes that differ by less, relative to the largest, are one value
-_MOST_VALUES = 10**8  # of one axis
-_MOST_POINTS = 10**9  # of a map
+_MOST_VALUES = 10**8  # largest number of values of an axis
+_MOST_POINTS = 10**9  # largest number of points of a map
 _FORM = "Write it like 0.8:1.6:400, log:0.01:0.2:300, or 1,2,5"
 _SAMPLE_FORM = "Write it like sobol:1024; 0.8:1.6; log:0.01:0.2"
 
@@ -420,9 +420,9 @@ class Grid:
         }
 
 
-_CHUNK_POINTS = 4096  # of the largest chunks
-FEWEST = 64  # of the smallest that are worth a file
-_PARTS = 64  # chunks that a map of medium size is divided into
+_CHUNK_POINTS = 4096  # number of points of the largest chunks
+FEWEST = 64  # number of points of the smallest chunks that justify a file
+_PARTS = 64  # number of chunks of a map of medium size
 
 
 def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:

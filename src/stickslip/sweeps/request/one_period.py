@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
     from stickslip.symbolic.expressions import Expr
 
-_NONE = 1e-8  # a shift below this part of the range of what moves is none
-_WHOLE = 1e-6  # relative distance from a whole number of periods
+_NONE = 1e-8  # a shift below this fraction of the range of the motion counts as zero
+_WHOLE = 1e-6  # relative distance from an integer number of periods
 
 
 PeriodRule = Callable[["Trajectory", str], float]
@@ -231,7 +231,8 @@ def _first(motion: Trajectory, of: str) -> complex:
     turns = float(np.diff(motion.t_span)[0]) / _turn(motion)
     order = round(turns)
     if abs(turns - order) > _WHOLE * turns:
-        # What repeats in a part of the period of the drives has no wave of that period.
+        # A motion that repeats in a fraction of the period of the drives has no harmonic of that
+        # period.
         return 0.0j if turns < 1.0 else complex(np.nan)
     names, states = motion.system.declaration.state, motion.knots.state
     formula = read_formula(motion.system, name, "measure")

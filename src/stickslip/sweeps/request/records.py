@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 SCALE = "scale"
 """What an axis is called that multiplies records, where the system has no such parameter."""
-_RECORDED = "_recorded"  # what follows the name of a drive in that of its record, if it is scaled
+_RECORDED = "_recorded"  # suffix of the name of the record of a drive that is scaled
 _TABLES = (".csv", ".tsv", ".txt", ".dat")
 
 

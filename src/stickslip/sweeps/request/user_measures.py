@@ -108,7 +108,7 @@ class FunctionMeasure:
         function = self.function or _from_file(self.path, self.name, self.digest)
         try:
             found = function(trajectory)
-        # a mistake in the user's function is missing data, not the end of a map of a million points
+        # an error in a user's function is missing data and does not end a map of a million points
         except Exception:
             return math.nan, REASONS.index("raised_an_error")
         try:
@@ -202,7 +202,7 @@ def _measure(system: System, item: Any) -> Measure:
         return _file_function(path, function)
     if item not in MEASURES and (entries := entry_points(group=MEASURES_GROUP, name=item)):
         return _measure(system, _loaded(next(iter(entries))))
-    needs_close_look(system, [item])  # refuses what does not exist
+    needs_close_look(system, [item])  # rejects unknown measures
     return item
 
 
@@ -250,7 +250,7 @@ def _formula(system: System, name: str, text: str) -> FormulaMeasure:
     with listing(lambda x: _formula(system, name, x)):
         expression = Scope(names, vectors=vectors).parse(plain, f"measure.{name}")
     needs = tuple(n for n in measures if n in expression.symbols and n not in own)
-    needs_close_look(system, needs)  # refuses what does not exist
+    needs_close_look(system, needs)  # rejects unknown measures
     return FormulaMeasure(name, text, expression, needs)
 
 
@@ -298,7 +298,7 @@ def _from_file(path: str, name: str, digest: str) -> Callable[[Trajectory], floa
 def _source(function: Callable[..., Any]) -> str:
     try:
         return inspect.getsource(function)
-    except (OSError, TypeError):  # typed in at a prompt, or compiled: its name has to do
+    except (OSError, TypeError):  # typed at a prompt, or compiled: its name has to suffice
         return repr(getattr(function, "__qualname__", type(function)))
 
 

@@ -20,7 +20,7 @@ from stickslip.orbits.settling.repetition import Repetition, repeats
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-_ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is rounding
+_ROUNDED = 1e-3  # displacement relative to the component below which its rate is a rounding error
 
 
 @dataclass(frozen=True)

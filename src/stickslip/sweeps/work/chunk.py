@@ -104,14 +104,14 @@ def measure_chunk(
     else:
         lanes = count if section else lanes_of_block(problem, POINT_SLOTS)
         loops = Here
-    # Threads of a GPU make their closed forms at the same time, each its own.
+    # Threads of a GPU compute their closed forms at the same time, each separately.
     shared = section and device == "cpu"
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
     found = [block.run(loops, exponents, time_limit, classed=True) for block in motions]
     parts = list[dict[str, Array]]()
     for b, observed in zip(blocks, found, strict=True):
-        # First: a motion that takes too long in it has no other measures either.
+        # First: a motion that exceeds the time limit here has no other measures either.
         again = measured_again(problem, table[b], observed, measures, settings, time_limit)
         parts.append(measured(problem, observed, measures, certified_below(settings)) | again)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

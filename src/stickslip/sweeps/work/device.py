@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
 
-_ROOM = 16  # knots that are measured at a time
-_TURNS = 256  # marks after which a motion lets the host look whether to go on
-_SHARE = 0.5  # of the free memory that motions may take
+_ROOM = 16  # number of knots that are measured together
+_TURNS = 256  # number of marks after which control returns to the host
+_SHARE = 0.5  # fraction of the free memory that motions may use
 _EMULATED = "STICKSLIP_EMULATE_GPU"
 _ENTRIES = advance_thread, grow_thread
 

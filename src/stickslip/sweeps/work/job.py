@@ -96,7 +96,7 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
     system = loads(work.model)
     if work.under is not None:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # doubts about units: the first record has said them
+            warnings.simplefilter("ignore")  # issued for the first record
             system = work.under.of(system)
     return system, read_measures(system, work.asked)
 

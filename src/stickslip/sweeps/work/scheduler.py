@@ -34,9 +34,9 @@ from stickslip.stopping.scopes import Stopped, watching
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-_CHANCES = 4  # workers that may die over one task before the task is to blame
-_AHEAD = 2  # tasks that are handed out for each worker
-ANSWER_WITHIN = 10.0  # seconds that a cluster has to answer
+_CHANCES = 4  # number of workers that may fail on one task before the task is regarded as the cause
+_AHEAD = 2  # number of tasks that are handed out to each worker
+ANSWER_WITHIN = 10.0  # seconds within which a cluster has to answer
 # seconds after which a request to stop is noticed, and that tasks under way then have to end
 _PULSE = 0.25
 _LOCAL = ("threads", "processes")
@@ -64,7 +64,7 @@ class Interrupt:
         if self.requested:
             raise KeyboardInterrupt
         self.flag[0] = 1
-        if os.isatty(2):  # written at once: a signal may come in the middle of other output
+        if os.isatty(2):  # unbuffered: a signal may come in the middle of other output
             os.write(2, b"\nending; the chunks that are done are kept\n")
 
 
@@ -254,9 +254,8 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         ) from None
 
     def made() -> Any:
-        # Ctrl-C reaches all processes of a terminal. Workers, and those that take their places,
-        # inherit from this thread that it is not for them. (Whoever starts the tracker takes that
-        # back.)
+        # Ctrl-C reaches all processes of a terminal. Workers and their replacements inherit from
+        # this thread that they ignore it. (The process that starts the tracker undoes that.)
         ensure_running()
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -270,7 +269,7 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         try:
             yield starting.result().scheduler_address
         finally:
-            with contextlib.suppress(Exception):  # whatever becomes of it, it goes with the process
+            with contextlib.suppress(Exception):  # errors are irrelevant: the process ends
                 starting.result().close(timeout=ANSWER_WITHIN)
 
 

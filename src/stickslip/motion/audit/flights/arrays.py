@@ -30,9 +30,10 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.translator import compiled
 
-LONG_FLIGHT = 150.0  # shortest times of a mode in a flight from which on it is checked as a whole
-LARGE_STATE = 2.0**200  # a state so large that what does not depend on it is nothing beside it
-_FEW = 8  # components of which all extremes are found
+# length of a flight, in shortest times of its mode, above which it is checked as a whole
+LONG_FLIGHT = 150.0
+LARGE_STATE = 2.0**200  # a state so large that terms independent of it are negligible
+_FEW = 8  # number of components up to which all extremes are found
 
 
 class FlightAudit(NamedTuple):

@@ -23,7 +23,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
-_LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
+_LEFT = 1e-15  # relative size of a component of ∫ x xᵀ that is a rounding error
 
 
 @compiled()

@@ -168,7 +168,7 @@ def put_bounds(a: FlightAudit, form: ClosedForms, s: Stretch) -> None:
         lam = form.exponent[k]
         if lam == 0.0j:
             continue
-        # by parts: what is constant counts for one turn
+        # integration by parts: a constant term counts for one revolution
         size = modulus_of(a.first[k]) + a.drift[k]
         once = (2.0 * size + a.turns[k]) / modulus_of(lam)
         made = a.growth[k] * min(s.h * size, once)

@@ -120,8 +120,8 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.numerics.levels import ROUNDING
 from stickslip.translator import compiled
 
-_ACTING = 4.0  # shortest times that a Taylor series would last
-_ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
+_ACTING = 4.0  # length of a Taylor series in shortest times
+_ALLOWED = 5e-10  # largest error of a component relative to its size; twice that is not certified
 WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`FlightAudit.checked`."""
 _UNKNOWN, _KNOWN, _REFUSED = range(3)
@@ -214,7 +214,7 @@ def audit_flight(
     copy(sums.work, a.before[1])
     spent, fed, flows = 0.0, 0.0, 0.0
     obeyed, resolved = True, True
-    # Rounding errors of the audit are told by the step. Nothing carries them from part to part.
+    # Rounding errors of the audit are bounded for each step and not carried from part to part.
     noise = a.made
     for r in range(len(a.y)):
         noise[r] = 0.0

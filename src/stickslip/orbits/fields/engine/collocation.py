@@ -33,7 +33,7 @@ NODES, WEIGHTS, INTEGRALS = gauss()
 # ∫₀¹ exp((1 − s)A) b(s) ds = Σₖ Aᵏ Σᵢ MOMENTS[k, i] b(cᵢ), with as many powers as count where no
 # eigenvalue of A is larger than what `resolution` leaves
 _MOMENTS = np.array([WEIGHTS * (1.0 - NODES) ** k / math.factorial(k) for k in range(25)])
-# of the numerator of the Padé approximant of exp
+# coefficients of the numerator of the Padé approximant of exp
 _PADE = np.array([math.comb(STAGES, k) / math.perm(2 * STAGES, k) for k in range(STAGES + 1)])
 
 
@@ -55,7 +55,7 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
     columns, directions = change.shape
     n = len(places) // columns
     size = STAGES * n
-    # The slopes K_i at the nodes solve K_i = J_i(Φ + h Σ_j a_ij K_j), all at once.
+    # The slopes K_i at the nodes solve K_i = J_i(Φ + h Σ_j a_ij K_j), all together.
     for i in range(STAGES):
         for r in range(n):
             row = system[i * n + r]

@@ -34,7 +34,7 @@ from stickslip.translator import compiled
 # a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
 # crossed
 _TANGENT = 1e-6
-_NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
+_NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is zero
 
 
 @compiled()

@@ -51,10 +51,10 @@ LARGE = 16
 """Number of states from which every step longer than a collocation step is taken by eigenvalues,
 because the exponential of a matrix costs several times as much."""
 _SMOOTH = 0.25  # largest frequency of the loads × step of an interpolation
-_FINE = 24  # Gauss nodes by which integrals of slow exponentials are found
-_FAST = 12.0  # |z| from which on they follow from a recurrence
-_SAME = 1e-7  # difference of exponents × step that is none
-_PROBE = 2.0**100  # a state so large that what does not depend on it is nothing beside it
+_FINE = 24  # number of Gauss nodes for integrals of slow exponentials
+_FAST = 12.0  # |z| above which they follow from a recurrence
+_SAME = 1e-7  # difference of exponents × step that counts as zero
+_PROBE = 2.0**100  # a state so large that terms independent of it are negligible
 
 
 def _legendre() -> tuple[Array, Array, Array]:
@@ -280,7 +280,7 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
         for g in range(lanes):
             for r in range(n):
                 value = work.values[listed.jacobian[w, r * columns + n + p], g]
-                # What does not depend on this component is the same without it.
+                # A row that does not depend on this component has the same value without it.
                 value = 0.0 if value == rest[r] else value / _PROBE
                 same = same and matrix[r, begin + g] == value
                 matrix[r, begin + g] = value

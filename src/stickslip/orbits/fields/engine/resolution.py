@@ -28,8 +28,8 @@ from stickslip.orbits.fields.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_HALVES = 25  # of the time that is left in which a slip in a plane comes to rest
-_DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few parts in a hundred
+_HALVES = 25  # halvings of the remaining time in which a slip in a plane comes to rest
+_DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few per cent
 
 
 @compiled()
@@ -50,8 +50,8 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
         for c in range(n):
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
             if J[r, c] != J[r, c]:
-                return 0.0  # where a slip in a plane begins with the motion
-    scale = 0.0  # log of what has been divided out, per factor
+                return 0.0  # a slip in a plane begins with the motion
+    scale = 0.0  # log of the factor that has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
         largest = 0.0

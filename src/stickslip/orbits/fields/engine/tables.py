@@ -29,10 +29,9 @@ from stickslip.translator import compiled
 STAGES = LANES  # Gauss nodes of a step: order 16
 TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
 ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
-# What becomes of an event, or of the pass: it may need more room for its nodes, or stand at a knot
-# at which the state jumps, or the eigenvalues of a piece may be wanted.
-# What is known of the eigenvalues of a Jacobian: nothing yet, the largest, all, or that they are of
-# no use.
+# Result of an event, or of the pass: it may need more room for its nodes, or be at a knot at which
+# the state jumps, or request the eigenvalues of a piece. State of the eigenvalues of a Jacobian:
+# none known, the largest, all, or not usable.
 PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, SPECTRUM_ASKED = range(8)
 UNSEEN, RATE_KNOWN, DECOMPOSED, DEFECTIVE = range(4)
 # Entries of Pass.event.

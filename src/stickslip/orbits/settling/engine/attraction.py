@@ -88,13 +88,13 @@ OPEN_CLAIM, PROVED, REFUSED, UNKNOWN_MODE = range(4)
 
 _HERE, _RETURNED, _RATES, _NOW, _LATER = range(5)
 _DOUBLINGS = 40  # ‖Mᵏ‖^{1/k} with k = 2⁴⁰ is ρ to 1e-10
-_GROWTH = 1e-9  # by which a multiplier may seem to be greater than 1
-_CURVED = 0.25  # part of e that curvature may add up to
+_GROWTH = 1e-9  # largest excess of a multiplier over 1 that is regarded as rounding
+_CURVED = 0.25  # largest sum of the curvature terms as a fraction of e
 _NARROW = 0.2  # sine of the half opening of the cones
-_BEYOND = 1.1  # how much longer deviations are followed than they are
-_AT_LAST = 20  # doublings after which what is left of a deviation stays
-_NEAR = 0.05  # part of its first size at which a deviation is no longer followed
-_FURTHEST = 20_000  # returns after which a deviation has to be so small
+_BEYOND = 1.1  # factor by which a deviation is enlarged when its return is computed
+_AT_LAST = 20  # number of doublings after which the rest of a deviation is regarded as constant
+_NEAR = 0.05  # fraction of its first size below which a deviation is not followed further
+_FURTHEST = 20_000  # number of returns after which a deviation has to be this small
 
 
 class Claims(NamedTuple):
@@ -169,7 +169,7 @@ def prove_lane(
 ) -> int:
     """The same for one lane; see :func:`prove_all`."""
     s = e.lanes
-    station = m.before  # free, since nothing has to be undone any more
+    station = m.before  # free, since nothing has to be reverted
     later = place_station(e, m, rules, saved, bench, i)
     if not later >= 0.0:
         return REFUSED

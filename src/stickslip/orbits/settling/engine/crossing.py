@@ -24,8 +24,9 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_AT_ONCE = 1e-3  # of a period: a return so soon is none
-_MISSES = 1e-6  # of a height: how far the end of a Taylor step may be off; else it was a flight
+_AT_ONCE = 1e-3  # fraction of a period: an earlier return does not count
+# largest relative error of a height at the end of a Taylor step; larger for a flight
+_MISSES = 1e-6
 
 
 @compiled()

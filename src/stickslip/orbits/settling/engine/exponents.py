@@ -33,8 +33,8 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.translator import compiled
 
 TURNS = 64  # stretches in which the growth of a small change is followed
-SKIPPED = 32  # of them that are not counted at first
-_CHANGE = 1e-7  # of the size of the motion
+SKIPPED = 32  # number of initial stretches that are not counted
+_CHANGE = 1e-7  # initial distance relative to the size of the motion
 
 
 @entry_point()

@@ -10,8 +10,8 @@ from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.numerics.levels import RANK
 from stickslip.translator import compiled
 
-_FITS = 1e-9  # by how much a row may fail, relative to its size
-_SEEN = 1e-12  # of the largest velocity
+_FITS = 1e-9  # largest residual of a row relative to its size
+_SEEN = 1e-12  # velocities below this fraction of the largest are regarded as zero
 
 
 @compiled()
@@ -35,7 +35,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     row = p.v
     n = len(frame)
     first = g * slots_of(T)
-    # Least squares, row by row: the triangular factor, and what becomes of the right-hand side.
+    # Least squares, row by row: the triangular factor, and the transformed right-hand side.
     R = p.H[:n]
     for i in range(n):
         frame[i] = right[i] = 0.0

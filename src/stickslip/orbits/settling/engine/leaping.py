@@ -60,14 +60,14 @@ from stickslip.translator import compiled
 GO_ON, CARRIED_ON, SETTLED = range(3)
 """What is done after a mark."""
 
-_FARTHEST = 0.5  # largest size of what a motion is carried on by
-_AGAIN = 2.0  # first leaps that the next one may be as long as
-_NEAREST = 1e-14  # a miss that is rounding
-_FITS = 0.1  # part of a return that its combination may leave over
-_MOST_LEAPS = 8  # that polishing may take
-_MOST_POLISHED = 24  # returns that polishing may take
+_FARTHEST = 0.5  # largest size of an extrapolation
+_AGAIN = 2.0  # largest length of the next leap, in lengths of the first
+_NEAREST = 1e-14  # a miss that is a rounding error
+_FITS = 0.1  # largest remainder of a return after its combination, as a fraction of it
+_MOST_LEAPS = 8  # largest number of leaps of polishing
+_MOST_POLISHED = 24  # largest number of returns of polishing
 
-# -- what a mark says ------------------------------------------------------------------------------
+# -- decisions at a mark ---------------------------------------------------------------------------
 
 
 @compiled()
@@ -173,7 +173,7 @@ def leap(
         CARRIED_ON, or GO_ON if it is not.
     """
     _, length = extrapolate(m, rules, i, k, work, fit)
-    # What the last return misses by is at most twice what is missing.
+    # The miss of the last return is at most twice the remaining distance.
     if not 0.25 * d <= length <= _FARTHEST:
         return GO_ON
     leave(m, saved, i, d)
@@ -244,7 +244,7 @@ def restore_mark(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: 
 def reset_motion(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Reset a motion to its state before the extrapolation, and let it continue from there."""
     numbers = m.numbers[i]
-    # Later and later, so that where no leap is right few are tried.
+    # At increasing intervals, so that few are tried if no leap succeeds.
     patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
     numbers[REST] = numbers[HOME] + patience
     return restore_mark(m, lanes, saved, i, m.home, numbers[HOME])

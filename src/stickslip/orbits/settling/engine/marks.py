@@ -27,13 +27,13 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_BEGUN = -8  # kind of the marks at which the modes of a motion begin to be followed as a whole
-_KEPT = 3  # returns before, that are kept then
-# first periods of a drive in which a look between marks sees what vanishes at them
+_BEGUN = -8  # kind of the marks from which the entire sequence of modes of a motion is recorded
+_KEPT = 3  # number of previous returns that are kept then
+# number of first periods of a drive with a look between marks, for motions that vanish at marks
 _GROWING = 8
-_HALFWAY = 0.618  # of a period: how long before the mark that look is
-_WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
-_NEXT = 1e-9  # of an interval: a time so near to its end is in the next one
+_HALFWAY = 0.618  # position of the look before a mark, in periods
+_WIDER = 1.25  # periods in which a smooth motion that is polished returns
+_NEXT = 1e-9  # fraction of an interval: a time this close to its end belongs to the next one
 
 
 @compiled()
@@ -144,7 +144,7 @@ def put_mark(
                 if m.kind[i, before] == _BEGUN:
                     m.kind[i, before] = m.word[i, before] = word
             if m.kind[i, last] != word and numbers[LEAPT] == 0:
-                # What repeated was a part of the cycle: more of it has to be seen the next time.
+                # The repeated sequence was part of the cycle: the next one has to be longer.
                 numbers[WARY] = min(2 * numbers[WARY] + 2, rules.most[3])
                 numbers[STRIDE] = 0
         remember(m, i, word, word, t, y)

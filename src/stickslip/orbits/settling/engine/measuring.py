@@ -92,14 +92,14 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled, row_of
 
-_AWRY = 1e-6  # a cycle that fails to close by more is none
-_FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
-_FORGOTTEN = -9  # kind of a mark
-_ROUNDED = 1e3  # local tolerances that the states of a motion are known to
-_PARTS = 31  # of a period, at most, that are tried
-_SAMPLES = 8  # states at which they are compared
-_SMALL = 1e-3  # part of its modulus that is the least size of a component
-_STILL = 1e-12  # … and that it may change by at rest
+_AWRY = 1e-6  # a motion with a larger closure error is not a cycle
+_FELT = 1e-4  # … nor is one, or a rest, in which the forces change by more
+_FORGOTTEN = -9  # kind of a mark that is discarded
+_ROUNDED = 1e3  # accuracy of the states of a motion, in local tolerances
+_PARTS = 31  # largest number of parts of a period that are tried
+_SAMPLES = 8  # number of states that are compared
+_SMALL = 1e-3  # smallest size of a component relative to its modulus
+_STILL = 1e-12  # … and its change at rest
 
 
 @compiled()
@@ -128,8 +128,7 @@ def measure(
         shorten(e, m, rules, saved, bench, i)
     copy_lane(saved, i, s, i)
     if m.outcome[i] == PERIODIC:
-        # A cycle is a motion of its own, whose errors count beside its own size, even if a motion
-        # came to it from afar.
+        # The errors of a cycle are relative to its own size, even if the motion came from far away.
         fill(s.seen[i], 0.0)
     stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
@@ -162,8 +161,8 @@ def measure(
         carried = 1
     found.moves[i] = moves(rules, bench, bench.tally.state[LARGEST], not framed(m, i))
     if m.outcome[i] in (AT_REST, STEADY):
-        # What dies out is a part of the whole motion, beside whose size it counts as nothing, here
-        # as when its rates were found to vanish.
+        # A component that dies out is compared with the size of the entire motion, as when its
+        # rates were found to vanish.
         for r in range(len(s.y[i])):
             size = bench.tally.state[LARGEST, r]
             bench.tally.state[LARGEST, r] = max(size, s.seen[i, r])
@@ -212,7 +211,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     e.codes[i] = FULL
     while e.codes[i] == FULL:
         if is_stopped(e.flow.space):
-            return  # FULL stands for that, too
+            return  # also indicated by FULL
         count = follow_lane(
             e, i, real[START] + real[DURATION], rules.most[1], RECORDED, bench.record
         )
@@ -225,7 +224,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     for r in range(bench.ends.shape[1]):
         bench.work[0, r] = bench.ends[1, r] - bench.ends[0, r]
     if miss(bench.work[0], m.size[i], rules.real[4]) <= limit:
-        # Nothing is known of the period of what is so small, and all of its parts are alike.
+        # The period of such a small motion is not known, and all of its parts are alike.
         if m.drive[i] <= 0.0:
             real[OPEN] = 0.0
         return
@@ -587,12 +586,12 @@ def measure_lane(
     if numbers[PHASE] == MEASURING and not is_stopped(e.flow.space):
         measure(e, m, rules, saved, bench, found, i)
         if is_stopped(e.flow.space):
-            return  # it is measured again, from the beginning
+            return  # it is measured once more, from the beginning
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
         if m.outcome[i] == PERIODIC and m.real[i, OPEN] == 0.0 and m.drive[i] <= 0.0:
-            # What is so small that its period is not known has died out, or will have.
+            # A cycle so small that its period is not known has died out, or will.
             claim_rest(e, m, saved.mode[i], i)
             m.real[i, DURATION] = rules.real[2]
             numbers[PHASE] = PROVING

@@ -39,19 +39,19 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_SURE = 1e-4  # of the tolerance: a miss that needs no factor
-_SHRUNK = 0.98  # of the least miss: a return that has come nearer
-RETURN_PATIENCE = 16  # returns that may come without one that is nearer
-_CLOSED = 1e-11  # a return closes if it misses by this
-_TOLD_APART = 1e3  # … or by so many times what the cycle does
-# … or by so many times what the cycle may be away: next to a period doubling that is much more
-_DOUBLED = 10.0
-_EXACT = 1e-15  # a miss that is none
-_FINEST = 1e-3  # part of the tolerance `atol` that counts for a polished cycle
-_DEPENDENT = 1e-7  # part of a vector that others leave of it, below which it is one of them
-MOST_RETURNS = 3  # that are combined
-_FORETOLD = 0.25  # part of a return by which the recurrence of those before it may be wrong
-_WORTH = 24.0  # returns for which a motion rather waits than that its limit is proved
+_SURE = 1e-4  # fraction of the tolerance: a smaller miss needs no factor
+_SHRUNK = 0.98  # fraction of the smallest miss below which a return is nearer
+RETURN_PATIENCE = 16  # number of returns without a nearer one after which the search ends
+_CLOSED = 1e-11  # largest miss of a return that closes …
+_TOLD_APART = 1e3  # … or as a multiple of the miss of the cycle
+_DOUBLED = 10.0  # … or of the distance of the cycle, which is much larger near a period doubling
+_EXACT = 1e-15  # a miss that is regarded as zero
+_FINEST = 1e-3  # fraction of the tolerance `atol` for a polished cycle
+# a vector whose remainder after projection on others is a smaller fraction depends on them
+_DEPENDENT = 1e-7
+MOST_RETURNS = 3  # largest number of returns that are combined
+_FORETOLD = 0.25  # largest error of the recurrence of previous returns, as a fraction of a return
+_WORTH = 24.0  # number of returns for which waiting is cheaper than a proof of the limit
 
 
 @compiled()

@@ -84,8 +84,8 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
-_FADED = 100.0  # tolerances that an oscillation may still be away from an equilibrium
+_NOTHING_YET = -1  # outcome of a motion that the host has to decide
+_FADED = 100.0  # distance of an oscillation from an equilibrium, in tolerances
 
 
 @entry_point()
@@ -127,7 +127,7 @@ def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
             find_frame(e.forms, e.group[i], e.flight, m.frame[i])
         if not (happened or code in (FINISHED, FULL)):
             if numbers[LEAPT] != 0:
-                # What was carried on by hand may have been taken to where no motion starts.
+                # An extrapolated state may not be the start of a motion.
                 reset_motion(m, s, saved, i)
                 continue
             m.outcome[i], numbers[PHASE] = code, DONE

@@ -292,7 +292,7 @@ def make_marks(
         home=home,
         before=before,
     )
-    marks.numbers[:, TRUE] = -1  # the first mark is no return yet
+    marks.numbers[:, TRUE] = -1  # the first mark is not a return
     marks.real[:, PATIENT] = np.inf
     marks.real[:, ASK] = -np.inf
     marks.real[:, LATEST] = limit
