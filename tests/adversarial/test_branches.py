@@ -64,7 +64,7 @@ def test_a_branch_does_not_turn_back_at_a_corner() -> None:
         v = V / p["v_s"]
         return p["c"] - 2.0 * (p["mu"] - p["F_k"]) * v / p["v_s"] / (1.0 + v**2) ** 2
 
-    hopf = brentq(damping, p["v_s"], 6.0)  # pyright: ignore[reportArgumentType]
+    hopf = brentq(damping, p["v_s"], 6.0)
     assert found.of_kind("Hopf")[0].value == pytest.approx(hopf, rel=1e-9)
     beyond = slice(found.special[0].index + 1, None)
     assert not np.any(found.points["sticks"].values[beyond])
