@@ -199,6 +199,34 @@ def test_earthquakes_of_rate_and_state_friction(tmp_path: Path) -> None:
             motion.event_catalogue(faster_than=wrong)
 
 
+def test_no_crest_is_missed_wherever_steps_begin() -> None:
+    """x = cos(t + φ) for twenty phases: extrema may lie between the first two samples of a step."""
+    for phase in np.linspace(0.1, 6.1, 20):
+        system = ss.System(
+            "oscillator",
+            coordinates={"x": ss.Inertial()},
+            kinetic="d_x**2/2",
+            potential="x**2/2",
+            initial={"x": np.cos(phase), "d_x": -np.sin(phase)},
+            span=(0, 100),
+        )
+        motion = ss.simulate(system)
+        crests = 2 * np.pi * np.arange(1, 17) - phase
+        crests = crests[crests < 99.9]
+        events = motion.event_catalogue(above={"x": 1.0 - 1e-8})
+        middle = events["start"] + 0.5 * events["duration"]
+        np.testing.assert_allclose(middle, crests, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(events["largest_rate"], 1.0, rtol=1e-12)
+
+
+def test_a_value_before_a_jump_counts() -> None:
+    """The static force at the end of a stick is the largest one."""
+    motion = ss.simulate(ss.catalogue.belt_block(), (0.0, 60.0))
+    events = motion.event_catalogue(above={"friction_belt_contact": 0.6})
+    assert len(events) > 3
+    np.testing.assert_allclose(events["largest_rate"], 1.0, rtol=1e-9)
+
+
 def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
     """x = cos t: the time, the integral and the largest value of each crest above 1/2."""
     system = ss.System(
@@ -234,6 +262,15 @@ def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
         assert len(dips) == 2  # between the crests, which interrupt it
         np.testing.assert_allclose(dips["start"], starts[:2] + 2 * half, rtol=0, atol=1e-14 / half)
     assert len(motion.event_catalogue(above={"x": 1.0 + 1e-12})) == 0
+    # The union of two quantities ends briefly where one falls as the other rises.
+    for level in (1e-9, 1e-3, 0.1):
+        both = motion.event_catalogue(above={"x": level, "-x": level})
+        assert len(both) == 6
+        np.testing.assert_allclose(both["start"][1:], np.pi * np.arange(1, 6) + np.arcsin(level))
+    # Where a formula is not defined it is not above its level.
+    halves = motion.event_catalogue(above={"sqrt(x)": 0.5, "-x": 0.5})
+    assert halves["first"].values.tolist() == ["sqrt(x)", "-x"] * 3
+    np.testing.assert_allclose(halves["largest_rate"], 1.0, rtol=1e-13)
     events = motion.event_catalogue(above={"pull": 1.0, "d_x": 0.97})
     assert set(events["first"].values) == {"pull", "d_x"} and set(events["contacts"].values) == {1}
     assert "while pull > 1 N or d_x > 0.97 m/s" in str(events.summary())
@@ -243,6 +280,7 @@ def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
         ({}, "no quantity"),
         ({"pul": 1.0}, "pull"),
         ({"x": np.nan}, "not a finite number"),
+        ({"x": "1"}, "not a finite number"),
     ):
         with pytest.raises(DeclarationError, match=reason):
             motion.event_catalogue(above=wrong)

@@ -15,11 +15,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arguments import argument_said
+from stickslip.arrays import AnyArray, Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.errors import ConvergenceError, DeclarationError, short
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
@@ -45,6 +46,7 @@ from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
 from stickslip.stopping.scopes import watching
+from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
     import xarray
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the moment
+_BESIDE = 0.25  # margin of the place of an extremum, in distances of samples
 _LOOKS = 33  # number of samples of a step
 _MOST_STEPS = 10_000_000  # largest number of events of a motion that is recomputed
 
@@ -429,9 +432,11 @@ def events_above(motion: Trajectory, levels: Mapping[str, float]) -> EventCatalo
             "above", "no quantity is given", 'Name one with its level, like {"output": 0.01}'
         )
     for name, level in levels.items():
-        if not math.isfinite(level):
+        if not is_finite(level):
             raise DeclarationError(
-                f"above: {short(name)}", f"{level:g} is not a finite number", "Give a finite level"
+                f"above: {short(name)}",
+                f"{argument_said(level)} is not a finite number",
+                "Give a finite level",
             )
     names = list(levels)
     along = Along(motion, [read_formula(system, name, f"above: {short(name)}") for name in names])
@@ -490,12 +495,15 @@ def _listed(
     steps = np.searchsorted(k.clock, start, side="right") - 1
     # The variable that begins an event is at its level there; the others are below theirs.
     nearest = watched.values(start, np.clip(steps, 0, len(k.clock) - 2)) - watched.levels
+    nearest = np.where(np.isnan(nearest), -np.inf, nearest)
     table = {
         "start": start + k.origin,
         "duration": end - start,
         "interevent": _interevent(start),
         "size": np.sum(sizes, axis=1),
-        "largest_slip": np.max(sizes, axis=1, initial=0.0),
+        "largest_slip": np.max(
+            np.where(above | ~np.any(above, axis=1)[:, None], moved, -np.inf), axis=1
+        ),
         "contacts": np.sum(above, axis=1),
         "first": np.array(names, dtype=object)[np.argmax(nearest, axis=1)],
         "energy_drop": before["energy"] - after["energy"],
@@ -554,21 +562,65 @@ def _turning_points(
     clock : array
     """
     excess = values.reshape(*times.shape, -1) - watched.levels
+    excess = np.where(np.isnan(excess), -np.inf, excess)
+    # An event lasts while any quantity is above its level. The last column is what decides.
+    excess = np.concatenate([excess, np.max(excess, axis=-1, keepdims=True)], axis=-1)
+    with np.errstate(invalid="ignore"):
+        parts = [_inside(excess), _at_the_end(excess), _at_the_end(excess[:, ::-1])]
+    last = times.shape[1] - 1
+    row = np.concatenate([found.row for found in parts])
+    name = np.concatenate([found.name for found in parts])
+    sign = np.concatenate([found.sign for found in parts])
+    low = np.concatenate([parts[0].place, parts[1].place, last - 1 - parts[2].place])
+    high = np.concatenate([parts[0].place + 2, parts[1].place + 1, last - parts[2].place])
+
+    def signed(clock: Array) -> Array:
+        found = watched.values(clock, steps[row]) - watched.levels
+        found = np.where(np.isnan(found), -np.inf, found)
+        found = np.concatenate([found, np.max(found, axis=-1, keepdims=True)], axis=-1)
+        return sign * found[np.arange(len(row)), name]
+
+    ends = times[row, low], times[row, high]
+    return row, golden_section(signed, *ends)[1] if len(row) else ends[0]
+
+
+class _Between(NamedTuple):
+    """Extrema between samples: their rows, the first sample, the column, and −1 for maxima."""
+
+    row: AnyArray
+    place: AnyArray
+    name: AnyArray
+    sign: Array
+
+
+def _between(highest: AnyArray, lowest: AnyArray) -> _Between:
+    row, place, name = np.nonzero(highest | lowest)
+    return _Between(row, place, name, np.where(highest[row, place, name], -1.0, 1.0))
+
+
+def _inside(excess: Array) -> _Between:
+    """Extrema around a sample that exceeds both neighbours, or is exceeded by them."""
     left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
     # A parabola through three equally spaced samples passes the middle one by at most an eighth of
-    # the larger difference; all of it is allowed for.
+    # the larger difference, and two crossing lines by at most all of it.
     room = np.maximum(np.abs(middle - left), np.abs(middle - right))
     highest = (middle >= left) & (middle >= right) & (middle + room > 0.0)
     lowest = (middle <= left) & (middle <= right) & (middle > 0.0) & (middle - room <= 0.0)
-    row, place, name = np.nonzero((highest | lowest) & (room > 0.0))
-    sign = np.where(highest[row, place, name], -1.0, 1.0)
+    return _between(highest & (room > 0.0), lowest & (room > 0.0))
 
-    def signed(clock: Array) -> Array:
-        found = watched.values(clock, steps[row])
-        return sign * found[np.arange(len(row)), name]
 
-    ends = times[row, place], times[row, place + 2]
-    return row, golden_section(signed, *ends)[1] if len(row) else ends[0]
+def _at_the_end(excess: Array) -> _Between:
+    """Extrema between the first two samples of a step."""
+    first, second, third = (excess[:, i : i + 1] for i in range(3))
+    room = np.maximum(np.abs(second - first), np.abs(third - second))
+    bend = first - 2.0 * second + third
+    # Where the parabola through the first three samples turns, in units of their distance.
+    turn = (1.5 * first - 2.0 * second + 0.5 * third) / np.where(bend == 0.0, np.nan, bend)
+    turns = (turn > -_BESIDE) & (turn < 1.0 + _BESIDE)
+    top, bottom = np.maximum(first, second), np.minimum(first, second)
+    highest = (bend < 0.0) & turns & (top + room > 0.0)
+    lowest = (bottom > 0.0) & (bottom - room <= 0.0) & (room > 0.0)
+    return _between(highest, lowest & ~highest)
 
 
 def _ends_of_series(motion: Trajectory) -> Array:
@@ -614,10 +666,11 @@ def _stretches(watched: _Watched) -> tuple[Array, Array]:
 def _largest_within(watched: _Watched, start: Array, end: Array) -> Array:
     """Largest values that are seen in each stretch, shape (stretches, names)."""
     clock, _, values = _looks(watched)
-    first, last = np.searchsorted(clock, start), np.searchsorted(clock, end)
+    # If a quantity jumps at the end, both of its values have this time.
+    first, last = np.searchsorted(clock, start), np.searchsorted(clock, end, side="right")
     found = np.zeros((len(start), len(watched.names)))
     for i, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        found[i] = np.max(values[a:b], axis=0, initial=-np.inf)
+        found[i] = np.fmax.reduce(values[a:b], axis=0, initial=-np.inf)
     return found
 
 

@@ -477,7 +477,9 @@ class Trajectory(Result):
         above : mapping of str to float, optional
             Levels of outputs, or of any formula of quantities of results. If given, an event lasts
             as long as one of these exceeds its level, and its size is the integral over the event,
-            such as the seismic moment if the output is a moment rate.
+            such as the seismic moment if the output is a moment rate. Values are sampled at 33
+            points of each Taylor step and at the extrema between them; faster oscillations of a
+            formula of time, such as ``sin(400*t)``, are not resolved.
         energy : bool
             Whether to compute energies and the certificate, which requires a pass through the whole
             motion.
