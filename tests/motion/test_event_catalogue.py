@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -276,12 +277,13 @@ def test_what_is_above_a_level_is_an_event(tmp_path: Path) -> None:
     assert "while pull > 1 N or d_x > 0.97 m/s" in str(events.summary())
     events.save(tmp_path / "events.nc")
     assert ss.open(tmp_path / "events.nc").dataset.identical(events.dataset)
-    for wrong, reason in (
+    wrongs: list[tuple[dict[str, Any], str]] = [
         ({}, "no quantity"),
         ({"pul": 1.0}, "pull"),
         ({"x": np.nan}, "not a finite number"),
         ({"x": "1"}, "not a finite number"),
-    ):
+    ]
+    for wrong, reason in wrongs:
         with pytest.raises(DeclarationError, match=reason):
             motion.event_catalogue(above=wrong)
     with pytest.raises(DeclarationError, match="not both"):
