@@ -594,7 +594,7 @@ class _Between(NamedTuple):
 
 
 def _between(highest: AnyArray, lowest: AnyArray) -> _Between:
-    row, place, name = np.nonzero(highest | lowest)
+    row, place, name = np.nonzero(np.logical_or(highest, lowest))
     return _Between(row, place, name, np.where(highest[row, place, name], -1.0, 1.0))
 
 
