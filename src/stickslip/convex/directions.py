@@ -1,7 +1,7 @@
 """A cover of all directions of a space by boxes, on which properties are proved by bounds.
 
-What is homogeneous is known from the surface of a cube, whose faces are boxes themselves; other
-names run over ranges. Boxes in which bounds do not decide are divided.
+A homogeneous function is determined by its values on the surface of a cube, whose faces are boxes;
+other names have ranges. Boxes in which bounds do not decide are divided.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Directions:
     names : tuple of str
         Components of v.
     others : mapping of str to (float, float)
-        BoxRanges of all other names.
+        Ranges of all other names.
     sides : tuple of Expr
-        Only directions in which all of these are nonnegative count; homogeneous.
+        Homogeneous; only directions in which all of these are nonnegative are covered.
     """
 
     names: tuple[str, ...]
@@ -57,7 +57,7 @@ class Directions:
         along: int | None = None,
         most: int = _MOST,
     ) -> bool:
-        """Whether something is proved in all directions.
+        """Return whether a property is proved in all directions.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class Directions:
         along : int, optional
             Only in those whose largest component is this one.
         most : int
-            Boxes after which it is given up.
+            Largest number of boxes.
         """
         keys = [*self.names, *self.others]
         low, high = self._faces()

@@ -136,8 +136,8 @@ def enclosed(
         Whose unknowns they are in.
     low, high : array, shape (k, N)
     needed : int
-        The mean value theorem counts where so many of the first of them are nonnegative: elsewhere
-        others may be undefined.
+        The mean value theorem is used on boxes on which the first `needed` expressions are
+        nonnegative: elsewhere the others may be undefined.
     """
     count = low.shape[1]
     middle = centres(low, high)

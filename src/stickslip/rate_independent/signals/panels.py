@@ -35,11 +35,11 @@ class Panels:
     noise : float
         Absolute error of the values.
     source : callable
-        What was given: clock -> value, for arrays.
+        The given function: clock -> value, for arrays.
     period : float or None
         ε, if the clock is the phase.
     samples : int
-        Number of places at which a function of Python was looked at; 0 if it is known everywhere.
+        Number of places at which a Python function was sampled; 0 for formulas and samples.
     """
 
     breaks: Array
