@@ -15,12 +15,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from stickslip.arguments import argument_said
-from stickslip.arrays import AnyArray, Array
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.errors import ConvergenceError, DeclarationError, short
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
@@ -34,6 +34,7 @@ from stickslip.model.quantities import (
 from stickslip.model.system import System
 from stickslip.model.system_file import SYSTEM
 from stickslip.motion.between.formulas import Along, read_formula
+from stickslip.motion.record.extrema import extrema_between
 from stickslip.motion.record.slips import (
     NODES_OF_STEP,
     dry_contacts_of,
@@ -42,7 +43,6 @@ from stickslip.motion.record.slips import (
     slips_in,
 )
 from stickslip.motion.simulate import run_loop
-from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, HALVINGS
 from stickslip.results import CERTIFICATE, ITEMS, PLAIN, Completion, Result
 from stickslip.stopping.scopes import watching
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the moment
-_BESIDE = 0.25  # margin of the place of an extremum, in distances of samples
 _LOOKS = 33  # number of samples of a step
 _MOST_STEPS = 10_000_000  # largest number of events of a motion that is recomputed
 
@@ -534,93 +533,13 @@ def _looks(watched: _Watched) -> tuple[Array, Array, Array]:
     steps = np.searchsorted(motion.knots.clock, clock[:-1], side="right") - 1
     index = np.repeat(steps, _LOOKS)
     values = watched.values(times.ravel(), index)
-    row, turns = _turning_points(watched, times, steps, values)
+    row, turns = extrema_between(watched.values, watched.levels, times, steps, values)
     # A knot ends one step and begins the next: times alone do not order the samples.
     rows = np.concatenate([np.repeat(np.arange(len(times)), _LOOKS), row])
     clocks = np.concatenate([times.ravel(), turns])
     order = np.lexsort((clocks, rows))
     seen = np.concatenate([values, watched.values(turns, steps[row])])
     return clocks[order], steps[rows[order]], seen[order]
-
-
-def _turning_points(
-    watched: _Watched, times: Array, steps: Array, values: Array
-) -> tuple[Array, Array]:
-    """Extrema of quantities between samples: the largest values above their levels, and those by
-    which a quantity may pass its level twice between two samples.
-
-    Parameters
-    ----------
-    times : array, shape (rows, samples)
-        Times since the origin.
-    steps : array of int, shape (rows,)
-    values : array, shape (rows * samples, names)
-
-    Returns
-    -------
-    row : array of int
-    clock : array
-    """
-    excess = values.reshape(*times.shape, -1) - watched.levels
-    excess = np.where(np.isnan(excess), -np.inf, excess)
-    # An event lasts while any quantity is above its level. The last column is what decides.
-    excess = np.concatenate([excess, np.max(excess, axis=-1, keepdims=True)], axis=-1)
-    with np.errstate(invalid="ignore"):
-        parts = [_inside(excess), _at_the_end(excess), _at_the_end(excess[:, ::-1])]
-    last = times.shape[1] - 1
-    row = np.concatenate([found.row for found in parts])
-    name = np.concatenate([found.name for found in parts])
-    sign = np.concatenate([found.sign for found in parts])
-    low = np.concatenate([parts[0].place, parts[1].place, last - 1 - parts[2].place])
-    high = np.concatenate([parts[0].place + 2, parts[1].place + 1, last - parts[2].place])
-
-    def signed(clock: Array) -> Array:
-        found = watched.values(clock, steps[row]) - watched.levels
-        found = np.where(np.isnan(found), -np.inf, found)
-        found = np.concatenate([found, np.max(found, axis=-1, keepdims=True)], axis=-1)
-        return sign * found[np.arange(len(row)), name]
-
-    ends = times[row, low], times[row, high]
-    return row, golden_section(signed, *ends)[1] if len(row) else ends[0]
-
-
-class _Between(NamedTuple):
-    """Extrema between samples: their rows, the first sample, the column, and −1 for maxima."""
-
-    row: AnyArray
-    place: AnyArray
-    name: AnyArray
-    sign: Array
-
-
-def _between(highest: AnyArray, lowest: AnyArray) -> _Between:
-    row, place, name = np.nonzero(np.logical_or(highest, lowest))
-    return _Between(row, place, name, np.where(highest[row, place, name], -1.0, 1.0))
-
-
-def _inside(excess: Array) -> _Between:
-    """Extrema around a sample that exceeds both neighbours, or is exceeded by them."""
-    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
-    # A parabola through three equally spaced samples passes the middle one by at most an eighth of
-    # the larger difference, and two crossing lines by at most all of it.
-    room = np.maximum(np.abs(middle - left), np.abs(middle - right))
-    highest = (middle >= left) & (middle >= right) & (middle + room > 0.0)
-    lowest = (middle <= left) & (middle <= right) & (middle > 0.0) & (middle - room <= 0.0)
-    return _between(highest & (room > 0.0), lowest & (room > 0.0))
-
-
-def _at_the_end(excess: Array) -> _Between:
-    """Extrema between the first two samples of a step."""
-    first, second, third = (excess[:, i : i + 1] for i in range(3))
-    room = np.maximum(np.abs(second - first), np.abs(third - second))
-    bend = first - 2.0 * second + third
-    # Where the parabola through the first three samples turns, in units of their distance.
-    turn = (1.5 * first - 2.0 * second + 0.5 * third) / np.where(bend == 0.0, np.nan, bend)
-    turns = (turn > -_BESIDE) & (turn < 1.0 + _BESIDE)
-    top, bottom = np.maximum(first, second), np.minimum(first, second)
-    highest = (bend < 0.0) & turns & (top + room > 0.0)
-    lowest = (bottom > 0.0) & (bottom - room <= 0.0) & (room > 0.0)
-    return _between(highest, lowest & ~highest)
 
 
 def _ends_of_series(motion: Trajectory) -> Array:
