@@ -192,7 +192,7 @@ class Program:
         return self._joined([self._linked(name, "internal") for name in sorted(self._functions)])
 
     def _module(self, file: str) -> str:
-        own = sorted(name for name, function in self._functions.items() if function.file == file)
+        own = [name for name, function in self._functions.items() if function.file == file]
         copied, declared = set[str](), set[str]()
         left = list(own)
         while left:
@@ -202,9 +202,19 @@ class Program:
                     left.append(name)
                 else:
                     declared.add(name)
-        lines = [self._linked(name, "hidden") for name in own]
-        lines += [self._linked(name, "hidden", "available_externally ") for name in sorted(copied)]
+        lines = [self._linked(name, "hidden") for name in sorted(own, key=self._position)]
+        for name in sorted(copied, key=self._position):
+            lines.append(self._linked(name, "hidden", "available_externally "))
         return self._joined([*lines, *(self._functions[x].declaration for x in sorted(declared))])
+
+    def _position(self, name: str) -> tuple[str, int, str]:
+        """Position of a function in the sources, which is its position in the assembly.
+
+        What is inlined, and where code is placed, depends on the order of functions. In the order
+        of names, a renamed function changed the time of motions by 9 %.
+        """
+        found = self._functions[name]
+        return found.file, found.function.python.__code__.co_firstlineno, name
 
     def _joined(self, lines: list[str]) -> str:
         """Functions with their dependencies."""
