@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adversarial import motions, report
+from adversarial import report
 from adversarial.case import FAMILIES, Case, draw
 from adversarial.command import plan, read
+from adversarial.kinds import motions
 from adversarial.verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG
 
 # Seeds of one formula each, so that little is compiled.
