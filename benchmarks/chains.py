@@ -170,7 +170,7 @@ def quakes() -> list[str]:
         "|---" * 9 + "|",
         f"| events | {table} |",
         "",
-        f"Between {low:g} and {high:g} the numbers follow size^(−b) with b = {b:.2f} ± "
+        f"Between {low:g} and {high:g} the numbers of events are proportional to size^(−b) with b = {b:.2f} ± "
         f"{error:.2f} ({np.log10(high / low):.0f} decades); from there to {end_of_small:g} they "
         f"decrease faster, b = {steeper:.2f} ± {its_error:.2f}. Smaller events involve a single "
         "block and have a characteristic size. Above a gap there are "
