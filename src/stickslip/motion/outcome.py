@@ -82,13 +82,13 @@ class Outcome(Ended):
     IRREGULAR = (
         25,
         "irregular",
-        "The motion has not settled, and neighbouring motions diverge: the largest Lyapunov "
+        "The motion has not converged, and neighbouring motions diverge: the largest Lyapunov "
         "exponent is positive. Measures are taken over its last part",
     )
     SLOW = (
         26,
         "slow",
-        "The motion has not settled: it still drifts, decays or grows from one return to the "
+        "The motion has not converged: it still drifts, decays or grows from one return to the "
         "next. Increase max_time or max_cycles",
     )
     UNDAMPED = (
@@ -141,9 +141,9 @@ class Outcome(Ended):
     JUMPS_ON = (
         21,
         "a jump ends in the guard of a jump",
-        "The state jumped to a place where the same or another jump fires at once, which may "
-        "repeat without end. Let the state jump to one side of the guard, or give the guard a "
-        "direction",
+        "The state jumped to a place where the same or another jump is triggered immediately, "
+        "which may repeat indefinitely. Let the state jump to one side of the guard, or give the "
+        "guard a direction",
     )
     OUTSIDE = (
         15,
