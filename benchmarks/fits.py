@@ -61,9 +61,9 @@ NOTES = [
     "*Error*: the largest error of the estimates, in standard errors. It is mostly due to "
     "the noise of the record, and equal for all tools that find the minimum of the sum of squares. "
     "*Distance from the minimum*: the distance from the minimum for the exact motion, in standard "
-    "errors, which is due to the tool. *Error of derivatives*: the largest error at the true parameters, "
-    "compared with complex steps of closed forms, in units of the largest derivative with respect "
-    "to the same parameter.",
+    "errors, which is due to the tool. *Error of derivatives*: the largest error at the true "
+    "parameters, compared with complex steps of closed forms, in units of the largest derivative "
+    "with respect to the same parameter.",
     "",
     "The time of `ss.fit` includes fits to growing parts of the record, intervals, tests of the "
     "residuals and a certificate; with eight starts, the default, it searches the complete box. "

@@ -76,8 +76,8 @@ class Outcome(Ended):
         "budget spent",
         "The limits were reached before the motion repeated, and neither chaos nor drift was "
         "detected. It may be quasi-periodic, or its cycle has more events than are compared. "
-        "Increase max_time, max_cycles or longest_cycle. Rest that cannot be proved and a load "
-        "that is not periodic also end here",
+        "Increase max_time, max_cycles or longest_cycle. This is also the outcome of motions whose "
+        "rest cannot be proved, and of motions under a load that is not periodic",
     )
     IRREGULAR = (
         25,

@@ -69,7 +69,7 @@ def explore_command(
         return
     if over:
         raise DeclarationError(
-            "--over", "only exported pages have chosen values", "Add --export FILE.html"
+            "--over", "only exported pages have sliders with given values", "Add --export FILE.html"
         )
     from stickslip.explorer.explore import listening_explorer
 

@@ -244,7 +244,7 @@ def _read(points: Any) -> tuple[Array, Array]:
     if float(np.median(np.sign(v) * F)) < 0.0:
         raise DeclarationError(
             "points",
-            "most forces have the opposite sign of v",
+            "most forces have the opposite sign to v",
             "Change the sign: give the force that opposes the motion",
         )
     order = np.argsort(v, kind="stable")

@@ -1,4 +1,4 @@
-"""Backbones: frequency and damping of a mode over its amplitude, with exact dry friction.
+"""Backbones: frequency and damping of a mode against its amplitude, with exact dry friction.
 
 A decaying motion has no period. The extended periodic motion concept adds self-excitation
 proportional to the mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and determines the ξ for which there is a
