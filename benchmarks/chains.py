@@ -70,7 +70,7 @@ def starts() -> list[str]:
     """The table: best of some new processes."""
     lines = [
         "| blocks | declaration, s | equations and machine code, s | until the first motion, s | "
-        "an event, ms | an event and block, µs | memory, MiB |",
+        "per event, ms | per event and block, µs | memory, MiB |",
         "|---|---|---|---|---|---|---|",
     ]
     for n in BLOCKS:
