@@ -539,7 +539,7 @@ def main() -> None:
         lines += table(problem, rows, said)
     figure(results)
     lines += [
-        "Errors over times; the numbers are the highest harmonics.",
+        "Errors as functions of computing times; the numbers are the highest harmonics.",
         "",
         "![errors over times](harmonic_balance.png)",
         "",

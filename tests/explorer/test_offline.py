@@ -83,7 +83,7 @@ def test_the_command_writes_a_page(tmp_path: Path) -> None:
         (["--export", "page.html"], "no system was named"),
         (["belt_block", "--over", "V"], "--over: only exported pages"),
         (["belt_block", "--export", "page.html", "--port", "5"], "needs no server"),
-        (["own?toml=abc", "--export", "page.html"], "the address contains a model"),
+        (["own?toml=abc", "--export", "page.html"], "the URL contains a model"),
         (["belt_block?W=3", "--export", "page.html"], "unknown parameter or function 'W'"),
     ],
 )

@@ -39,8 +39,8 @@ class Fit(Result):
     declared : System
         The system as it was given.
     dataset : xarray.Dataset
-        Over ``parameter``: ``estimate``, ``standard_error``, ``low`` and ``high`` (of the interval
-        of 95 %), ``start``, ``least`` and ``most`` (the bounds), ``unit``; ``covariance``. Over
+        Over ``parameter``: ``estimate``, ``standard_error``, ``low`` and ``high`` (of the 95 %
+        interval), ``start``, ``least`` and ``most`` (the bounds), ``unit``; ``covariance``. Over
         ``row`` (``row_2``, ... of further recordings): the data by the names of their columns,
         ``fitted_NAME`` and ``residual_NAME``, NaN in gaps. Over ``start_of_search``: where the
         search began.
@@ -196,7 +196,7 @@ class Fit(Result):
         *,
         initial: Mapping[str, float] | None = None,
     ) -> Band:
-        """Follow a cycle of the fitted system over a parameter, with the resulting uncertainty of
+        """Continue a cycle of the fitted system in a parameter, with the resulting uncertainty of
         amplitudes, Hopf points, onsets of stick, and folds.
 
         Parameters

@@ -332,7 +332,7 @@ class _Contacts:
             )
 
     def _axis(self, given: object, where: str) -> Expr:
-        """A half axis, which is positive."""
+        """A semi-axis, which is positive."""
         axis = self.reader.static.parse(given, where)
         interval = parse_range("(0, inf)", where)
         interval.check(ex.evaluate(axis, self.system.values), where)

@@ -136,7 +136,7 @@ class System:
         A direction of translation under which the system is invariant.
     initial : mapping of str to float
         Default initial values of coordinates, rates of inertial coordinates, internal variables,
-        unknowns of structures and their rates (else 0).
+        degrees of freedom of structures and their rates (else 0).
     span : (float, float)
         Default time span; if omitted, from 0 to 100 or, if drives are samples that end, the span
         that all of them cover. A :class:`DefaultSpan` counts as omitted.
@@ -233,7 +233,7 @@ class System:
 
     @property
     def starts(self) -> list[str]:
-        """Names of initial values: of unknowns of structures, and of parts of the state."""
+        """Names of initial values: degrees of freedom of structures, and parts of the state."""
         return [*self.started_unknowns, *self.declaration.state]
 
     @cached_property
@@ -259,13 +259,13 @@ class System:
             return {}
 
     def started(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert initial values, some of which are those of unknowns of structures, to initial
-        values of the state.
+        """Convert initial values, some of which are those of degrees of freedom of structures, to
+        initial values of the state.
 
         Parameters
         ----------
         given : mapping of str
-            Numbers, arrays or expressions. Other unknowns have their declared values.
+            Numbers, arrays or expressions. Other degrees of freedom have their declared values.
 
         Raises
         ------
@@ -465,7 +465,7 @@ class System:
             rates ``d_x``, and ``speed``. The name of a fact is also a formula.
         values : mapping of str to float, optional
             Values of the names on which the formula depends. Parameters that are not given have
-            their defaults, and unknowns of a structure are zero.
+            their defaults, and degrees of freedom of a structure are zero.
 
         Returns
         -------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Result):
-    """The response to a drive over its frequency, for several levels of another parameter.
+    """The response to a drive as a function of its frequency, for levels of another parameter.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class FrequencyResponse(Result):
         return [*rows, *shortened(special), *shortened([("note", note) for note in self.notes])]
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Plot the amplitude over the frequency with the phase below, or other quantities.
+        """Plot the amplitude against the frequency with the phase below, or other quantities.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class FrequencyResponse(Result):
         return plot_response(self, list(quantities) or None, ax=ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the amplitude over the frequency with the phase below."""
+        """Plot the amplitude against the frequency with the phase below."""
         return self.plot(ax=ax)
 
 

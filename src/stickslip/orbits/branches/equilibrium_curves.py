@@ -80,7 +80,7 @@ def hopf_curve(
     ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
-    """Follow a Hopf point of an equilibrium while two parameters change.
+    """Continue a Hopf point of an equilibrium in two parameters.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def fold_curve(
     ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
-    """Follow a fold of equilibria while two parameters change.
+    """Continue a fold of equilibria in two parameters.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def fold_curve(
         raise DeclarationError(
             "point",
             "it is a fold of cycles" + (", where the sequence of modes changes" if begins else ""),
-            "This function follows folds of equilibria; "
+            "This function continues folds of equilibria; "
             + (
-                "follow the stick onset at the same value with stick_onset_curve"
+                "continue the stick onset at the same value with stick_onset_curve"
                 if begins
                 else "use continue_cycle"
             ),
