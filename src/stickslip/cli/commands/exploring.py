@@ -16,7 +16,8 @@ def explore_command(
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="Name of a catalogue system, a .toml file, or the part of an address after #.",
+            help="Name of a catalogue system, a .toml file, or the part after # of an address of "
+            "the page.",
         ),
     ] = None,
     port: Annotated[
@@ -42,7 +43,7 @@ def explore_command(
             "--export",
             metavar="FILE",
             help="Write a page with stored motions, one .html file that works without this "
-            "program and without a network, and end.",
+            "program and without a network, and exit.",
         ),
     ] = None,
     over: Annotated[
@@ -51,7 +52,8 @@ def explore_command(
             "--over",
             metavar="NAME=VALUES",
             help="Slider of the exported page, such as V=0.05:0.4:15, or V for its range in the "
-            "explorer; up to three, whose values are combined.  [default: each parameter in turn]",
+            "explorer; up to three, whose values are combined.  "
+            "[default: each parameter separately]",
         ),
     ] = None,
 ) -> None:
@@ -62,14 +64,14 @@ def explore_command(
 
     With --export, motions and cycles are computed for all values and written into one file.
 
-    Exit code: 0 ended, 1 not every exported motion is certified, 2 wrong input, 130 interrupted.
+    Exit code: 0 done, 1 not every exported motion is certified, 2 wrong input, 130 interrupted.
     """
     if export is not None:
         _export(model, export, over, port)
         return
     if over:
         raise DeclarationError(
-            "--over", "only exported pages have chosen values", "Add --export FILE.html"
+            "--over", "it selects the sliders of exported pages only", "Add --export FILE.html"
         )
     from stickslip.explorer.explore import listening_explorer
 
@@ -89,7 +91,7 @@ def _export(model: str | None, path: Path, over: list[str] | None, port: int | N
     from stickslip.explorer.offline.page import export_page
 
     if model is None:
-        raise DeclarationError("MODEL", "no system was named", "Name one, like belt_block")
+        raise DeclarationError("MODEL", "the system is missing", "Name one, like belt_block")
     if port is not None:
         raise DeclarationError("--port", "an exported page needs no server", "Remove it")
     written = export_page(named_system(model), path, over, where="--export")
