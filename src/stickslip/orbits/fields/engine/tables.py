@@ -33,9 +33,9 @@ from stickslip.translator import compiled
 STAGES = LANES  # number of Gauss nodes of a step, which has order 16
 TOGETHER = 1e-9  # events closer than this fraction of the motion are simultaneous
 ALIKE = 1e-8  # derivatives whose relative difference is smaller are equal
-# Result of an event, or of a pass. A pass stops if it needs more space for its nodes (CROWDED), at a
-# knot at which the state jumps (STRUCK), on request (HALTED), or if it needs the eigenvalues of a
-# piece (SPECTRUM_ASKED); the caller then continues it.
+# Result of an event, or of a pass. A pass stops if it needs more space for its nodes (CROWDED), at
+# a knot at which the state jumps (STRUCK), on request (HALTED), or if it needs the eigenvalues of
+# a piece (SPECTRUM_ASKED); the caller then continues it.
 PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, SPECTRUM_ASKED = range(8)
 # Known eigenvalues of a constant Jacobian: none, the modulus of the largest one, all; or the
 # eigenvectors cannot be used.

@@ -20,9 +20,9 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     """Compute the velocity v of the frame from the closed forms of a group; 0 if there is no frame.
 
     In the closed forms ẋ and the guards are linear in (x, 1, t, …), with coefficients A of x and b
-    of t. A shift of the state by v Δt compensates a shift of time by Δt if A v + b = 0 for the rates
-    and guards of all modes. The frame is the least-squares solution of minimum norm, if it satisfies
-    all equations.
+    of t. A shift of the state by v Δt compensates a shift of time by Δt if A v + b = 0 for the
+    rates and guards of all modes. The frame is the least-squares solution of minimum norm, if it
+    satisfies all equations.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def rows_of(T: ClosedForms, slot: int, n: int) -> int:
 
 @compiled()
 def take_row(T: ClosedForms, slot: int, r: int, row: Array) -> float:
-    """Copy the coefficients of x of a rate or guard to `row`, and return that of t. Each equation is
-    scaled to its largest coefficient, so that small ones are not lost in rounding errors."""
+    """Copy the coefficients of x of a rate or guard to `row`, and return that of t. Each equation
+    is scaled to its largest coefficient, so that small ones are not lost in rounding errors."""
     n = len(row)
     source = T.S[slot, r] if r < n else T.G[slot, r - n]
     size = 0.0
