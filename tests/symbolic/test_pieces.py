@@ -24,7 +24,7 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.formulas import Scope, builtins
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import STRUCTURES, periodic_form, as_call, unwrapped
+from stickslip.symbolic.pieces import STRUCTURES, as_call, periodic_form, unwrapped
 
 X = ex.sym("x")
 SCOPE = Scope({name: ex.sym(name) for name in ("x", "y", "t", "w", "T")})

@@ -114,7 +114,7 @@ def test_bad_arguments() -> None:
     with pytest.raises(DeclarationError, match="values: the list is empty"):
         gait_study(toy, "P", [])
     for tolerance in (0.0, -1.0, np.inf):
-        with pytest.raises(DeclarationError, match="tolerance: .* is not a tolerance"):
+        with pytest.raises(DeclarationError, match=r"tolerance: .* is not a tolerance"):
             sliding_threshold(toy, "P", (1.0, 2.0), initial=UPRIGHT, tolerance=tolerance)
 
 
