@@ -598,6 +598,7 @@ class Trajectory(Result):
         ]
         return rows + [("warning", warning) for warning in self.warnings]
 
+    @validated
     def plot(
         self,
         *quantities: str,

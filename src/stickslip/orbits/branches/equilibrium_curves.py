@@ -210,7 +210,6 @@ class _Extended:
 
     Attributes
     ----------
-    residual : ResidualFunction
     start : array
         The solution at the given point.
     tests, numbers : functions

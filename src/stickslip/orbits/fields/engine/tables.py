@@ -104,7 +104,6 @@ class Listed(NamedTuple):
 
     Attributes
     ----------
-    made : Instructions
     slopes, guards : arrays of int, shape (pieces, 3)
         Ranges of the instructions for the Jacobian, and for rates and guards with their
         derivatives: the first instruction whose result is the same at all points, the first whose
@@ -123,7 +122,6 @@ class Listed(NamedTuple):
         1 if the Jacobian is constant.
     timely : array of int, shape (pieces,)
         1 if derivatives of the rates with respect to the free parameters depend on time only.
-    spectra : Spectra
     """
 
     made: Instructions
@@ -247,7 +245,6 @@ class PassSpace(NamedTuple):
         Largest rate of each guard at the neighbouring knots.
     others : array of int, shape (guards,)
         Further guards that fire at the same time.
-    between : Scratch
     """
 
     values: Matrix
