@@ -161,7 +161,7 @@ class _Overview:
 
     def has_friction(self, key: str) -> bool:
         """Return whether a contact has friction."""
-        return any(contact_key(name) == key for name in self.system.rubbing)
+        return any(contact_key(name) == key for name in self.system.frictional)
 
     def is_held(self, key: str) -> bool:
         """Return whether to plot the friction force of a contact: it is closed at some time."""

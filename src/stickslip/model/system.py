@@ -391,7 +391,7 @@ class System:
         return found
 
     @cached_property
-    def rubbing(self) -> dict[str, tuple[str, ...]]:
+    def frictional(self) -> dict[str, tuple[str, ...]]:
         """Dry contacts as declared, each with the names of its components: one for a line, two for
         a plane, three for a face."""
         from stickslip.model.entries.keys import normal_force
