@@ -225,9 +225,7 @@ _KINDS = {
     "float": ArgumentKind("a number", "Give a number, like 0.5", is_real),
     "int": ArgumentKind("an integer", "Give an integer, like 40", _is_whole),
     "bool": ArgumentKind("True or False", "Use True or False", _is_truth),
-    "str": ArgumentKind(
-        "a string", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)
-    ),
+    "str": ArgumentKind("a string", 'Write it in quotes, like "x"', _is_text),
     "Path": _PATH,
     "PathLike[str]": _PATH,
     "tuple[float, float]": ArgumentKind(
