@@ -14,14 +14,14 @@ FAST := tests/test_house.py tests/symbolic tests/model tests/translator tests/ma
 	--ignore=tests/translator/test_random_programs.py --ignore=tests/machine_code/test_memory.py
 
 help:
-	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
-	@echo "make test   make the environment, check style and types, run the tests"
-	@echo "make test-fast   check style, and a part of the tests: a minute"
-	@echo "make bench-guard BASE=COMMIT   motions of this version and of another in turn: ratios of times, 5 minutes"
+	@echo "make demo   create the environment, run three examples and the paper, and print where the figures are"
+	@echo "make test   create the environment, check style and types, run the tests"
+	@echo "make test-fast   check style, and run a part of the tests: one to two minutes"
+	@echo "make bench-guard BASE=COMMIT   run motions of this version and of another alternately: ratios of times, 5 minutes"
 	@echo "make docs   build the documentation: docs/_build/html/index.html"
 	@echo "make wheel  build the package with the engine's machine code: dist/"
-	@echo "make release VERSION=1.2.3   commit and tag a release, if everything names this version"
-	@echo "make clean  remove what these have made"
+	@echo "make release VERSION=1.2.3   commit and tag a release, if all files name this version"
+	@echo "make clean  remove what these commands have created"
 
 demo: .venv/ready machine-code
 	$(BIN)/stickslip run examples/rocking-toy.toml --out out/rocking-toy
@@ -29,12 +29,12 @@ demo: .venv/ready machine-code
 	$(BIN)/python examples/play-moving-threshold.py
 	$(BIN)/stickslip paper --out out/paper
 	@echo
-	@echo "The pictures:  out/rocking-toy/overview.png"
+	@echo "The figures:   out/rocking-toy/overview.png"
 	@echo "               out/spring-slider/overview.png"
 	@echo "               out/play-moving-threshold/figure-2-1.png"
 	@echo "The paper:     out/paper/index.html"
 	@echo
-	@echo "Play with it:  $(BIN)/stickslip explore"
+	@echo "Try it out:    $(BIN)/stickslip explore"
 
 # Two processes run the tests: threads of NumPy's linear algebra in each would wait for each other.
 test test-fast: export OPENBLAS_NUM_THREADS = 1

@@ -70,7 +70,7 @@ def starts() -> list[str]:
     """The table: best of some new processes."""
     lines = [
         "| blocks | declaration, s | equations and machine code, s | until the first motion, s | "
-        "an event, ms | an event and block, µs | memory, MiB |",
+        "per event, ms | per event and block, µs | memory, MiB |",
         "|---|---|---|---|---|---|---|",
     ]
     for n in BLOCKS:
@@ -170,10 +170,10 @@ def quakes() -> list[str]:
         "|---" * 9 + "|",
         f"| events | {table} |",
         "",
-        f"Between {low:g} and {high:g} the numbers follow size^(−b) with b = {b:.2f} ± "
-        f"{error:.2f} ({np.log10(high / low):.0f} decades); from there to {end_of_small:g} they "
-        f"decrease faster, b = {steeper:.2f} ± {its_error:.2f}. Smaller events involve a single "
-        "block and have a characteristic size. Above a gap there are "
+        f"Between {low:g} and {high:g} the numbers of events are proportional to size^(−b) with "
+        f"b = {b:.2f} ± {error:.2f} ({np.log10(high / low):.0f} decades); from there to "
+        f"{end_of_small:g} they decrease faster, b = {steeper:.2f} ± {its_error:.2f}. Smaller "
+        "events involve a single block and have a characteristic size. Above a gap there are "
         f"{np.count_nonzero(great)} large events of "
         f"{np.median(blocks[great]) if np.any(great) else 0:.0f} blocks (median), which make up "
         f"{100 * sizes[great].sum() / sizes.sum():.1f} % of all slip. Carlson and Langer observed "

@@ -173,9 +173,9 @@ def against_linear_solves(title: str, problem: Membrane) -> list[str]:
 def steps_table() -> list[str]:
     """Scalar and vector friction."""
     lines = [
-        "| problem | unknowns | steps a period | moving | cycles a step | residual, worst | "
-        "seconds a step |"
-        " seconds a CG solve (iterations) | step / CG solve | step / CG solve, classical hierarchy "
+        "| problem | unknowns | steps per period | moving | cycles per step | residual, worst | "
+        "seconds per step | seconds per CG solve (iterations) | "
+        "step / CG solve | step / CG solve, classical hierarchy "
         "|",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
@@ -204,7 +204,7 @@ def programs_table(rounds: int = 4) -> list[str]:
                 for way, found in ways.items():
                     found.append(way.solve(problem.A, r, K["upper"]))
     lines = [
-        "| solver | setting | seconds a step | times stickslip | KKT residual, worst |",
+        "| solver | setting | seconds per step | times stickslip | KKT residual, worst |",
         "|---|---|---|---|---|",
     ]
     unit = seconds_and_residual(own)[0]

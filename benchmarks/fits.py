@@ -58,12 +58,12 @@ RIVALS = ("scipy", "lmfit", "diffrax", "mujoco")
 # 0.1 standard errors with 1e-5.
 WIDTH = 1e-6
 NOTES = [
-    "*Off the truth*: the largest error of the estimates, in standard errors. It is mostly due to "
+    "*Error*: the largest error of the estimates, in standard errors. It is mostly due to "
     "the noise of the record, and equal for all tools that find the minimum of the sum of squares. "
-    "*Off the minimum*: the distance from the minimum for the exact motion, in standard errors, "
-    "which is due to the tool. *Error of derivatives*: the largest error at the true parameters, "
-    "compared with complex steps of closed forms, in units of the largest derivative with respect "
-    "to the same parameter.",
+    "*Distance from the minimum*: the distance from the minimum for the exact motion, in standard "
+    "errors, which is due to the tool. *Error of derivatives*: the largest error at the true "
+    "parameters, compared with complex steps of closed forms, in units of the largest derivative "
+    "with respect to the same parameter.",
     "",
     "The time of `ss.fit` includes fits to growing parts of the record, intervals, tests of the "
     "residuals and a certificate; with eight starts, the default, it searches the complete box. "
@@ -450,10 +450,10 @@ def main() -> None:
     text = [
         "# Fits",
         "",
-        f"{machine()}, {', '.join(map(versioned, RIVALS))}; {SAMPLES:,} samples, processor times "
-        "in turn in one run (`python benchmarks/fits.py`).",
+        f"{machine()}, {', '.join(map(versioned, RIVALS))}; {SAMPLES:,} samples, processor "
+        "times, measured alternately in one run (`python benchmarks/fits.py`).",
         "",
-        "| record | tool | seconds | times `ss.fit` | off the truth, σ | off the minimum, σ | "
+        "| record | tool | seconds | times `ss.fit` | error, σ | distance from the minimum, σ | "
         "error of derivatives |",
         "|---|---|---|---|---|---|---|",
         *measured,

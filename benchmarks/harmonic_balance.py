@@ -35,7 +35,7 @@ import stickslip as ss
 from stickslip.palette import LINES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from adversarial.linear import Body, Touch, follow
+from adversarial.references.linear import Body, Touch, follow
 
 Array = Any
 RESULTS = Path(__file__).parent / "results"
@@ -320,7 +320,7 @@ def amplitude(problem: Problem, cycle: ss.Cycle) -> float:
 
 def difference(problem: Problem, cycle: ss.Cycle) -> tuple[float, float]:
     """By how much the state misses itself after a period, and the amplitude its own, if the cycle
-    is followed by matrix exponentials (``tests/adversarial/linear.py``)."""
+    is followed by matrix exponentials (``tests/adversarial/references/linear.py``)."""
     trajectory = cycle.trajectory
     begin = float(trajectory.knots.time[0])
     times = begin + cycle.period * np.linspace(0.0, 1.0, 200)
@@ -539,7 +539,7 @@ def main() -> None:
         lines += table(problem, rows, said)
     figure(results)
     lines += [
-        "Errors over times; the numbers are the highest harmonics.",
+        "Errors as functions of computing times; the numbers are the highest harmonics.",
         "",
         "![errors over times](harmonic_balance.png)",
         "",

@@ -129,11 +129,11 @@ def starts(python: Path, place: Path) -> list[str]:
         return min(pair[0] for pair in pairs), min(pair[1] for pair in pairs)
 
     rows = {
-        "Python by itself": (measured([python, "-c", "pass"]), 0.0),
+        "Python alone": (measured([python, "-c", "pass"]), 0.0),
         "`import stickslip`": (measured([python, "-c", "import stickslip"]), GOALS["import"]),
         "`stickslip --help`": (measured([*command, "--help"]), GOALS["--help"]),
-        "the first `stickslip run` with its picture": (measured(run, False), GOALS["run"]),
-        "the next one": (measured(run), 0.0),
+        "the first `stickslip run` with its plot": (measured(run, False), GOALS["run"]),
+        "the next run": (measured(run), 0.0),
     }
     lines = ["| | wall clock, s | processor, s | goal, s |", "|---|---|---|---|"]
     for name, ((clock, spent), goal) in rows.items():

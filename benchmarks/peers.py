@@ -26,7 +26,7 @@ RESULTS = Path(__file__).parent / "results" / "peers.md"
 NOTES = "## Where the time goes"
 ROUNDS = 9
 SIDE = 300  # of the map
-HEADER = ["| work | stickslip | rival | ratio | goal |", "|---|---|---|---|---|"]
+HEADER = ["| work | stickslip | other program | ratio | goal |", "|---|---|---|---|---|"]
 
 
 def seconds(run: Callable[[], Any], shortest: float = 0.02) -> float:
@@ -78,9 +78,9 @@ def motions() -> list[str]:
         loop = found["loop"] / BATCH[key]
         rival = found["heyoka"] / problem.cycles if "heyoka" in found else None
         lines += [
-            line(f"{problem.title}, loop, a cycle", loop / problem.cycles, rival, factor),
+            line(f"{problem.title}, loop, per cycle", loop / problem.cycles, rival, factor),
             line(
-                f"{problem.title}, `simulate` beyond its loop",
+                f"{problem.title}, overhead of `simulate`",
                 found["simulate"] - loop,
                 None,
                 "30 µs",
@@ -95,10 +95,10 @@ def motions() -> list[str]:
         found = least(runs, 5)
         rival = found["heyoka"] / motion.cycles if heyoka else None
         loop = found["loop"] / impacts.BATCH / motion.cycles
-        lines.append(line(f"{motion.title}, loop, a cycle", loop, rival, "1/3"))
+        lines.append(line(f"{motion.title}, loop, per cycle", loop, rival, "1/3"))
     for motion, goal in zip(planes.MOTIONS, ("0.3 ms", "0.8 ms"), strict=True):
         loop = least({"loop": planes.by_loop(motion)}, 3)["loop"] / planes.BATCH
-        lines.append(line(f"{motion.title}, loop, a motion", loop, None, goal))
+        lines.append(line(f"{motion.title}, loop, per motion", loop, None, goal))
     return lines
 
 
@@ -119,7 +119,7 @@ def many() -> list[str]:
         line("return map of the woodpecker, 100,000 states", seconds(returned), None, "10 s"),
     ]
     rate = max(sweep.loop_alone(sweep.points(20_000)) for _ in range(3))
-    return [*lines, line("ensemble of (3.6), loop, a cycle", 1.0 / rate, None, "250 ns")]
+    return [*lines, line("ensemble of (3.6), loop, per cycle", 1.0 / rate, None, "250 ns")]
 
 
 def returned() -> None:
@@ -161,7 +161,7 @@ def curves() -> list[str]:
 
 def main() -> None:
     """Measure, print, and keep what was written below the table."""
-    lines = ["# Speed beside other programs and goals", "", machine(), "", *HEADER]
+    lines = ["# Speed compared with other programs and with the goals", "", machine(), "", *HEADER]
     lines += [*motions(), *many(), *curves()]
     lines += ["", *(f"{name} is absent: {reason}." for name, reason in ABSENT.items())]
     kept = RESULTS.read_text(encoding="utf-8") if RESULTS.exists() else ""

@@ -19,8 +19,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from adversarial import planes  # noqa: E402
 from adversarial.families.planes import FAMILIES, Slide  # noqa: E402
+from adversarial.kinds import planes  # noqa: E402
 from adversarial.verdict import OutOfTime, at_most  # noqa: E402
 from oracles import planar  # noqa: E402
 
@@ -98,7 +98,7 @@ def table(rows: dict[str, list[list[float]]], left_out: int) -> str:
         "largest difference from the library's certified motion, relative to the size of a "
         "quantity over the complete motion. Radau integrates "
         "−k Au/√(|Au|² + ε²) at three ε; their extrapolation is the limit. *Exact* is the "
-        "collocation of `tests/adversarial/sliding.py`. "
+        "collocation of `tests/adversarial/references/sliding.py`. "
         f"{left_out} {'system was' if left_out == 1 else 'systems were'} omitted: not certified, "
         f"without a reference, or not finished within {PATIENCE:g} s.",
         "",

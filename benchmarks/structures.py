@@ -128,7 +128,7 @@ def cycles(system: ss.System, first: float, points: int) -> str:
         slips = sum(share.slip_time > 0.0 for share in found.contacts.values())
         print(f"  omega {omega:.3f}: {times[-1]:.1f} s, {len(knots.time)} knots, {slips} slip")
     said = "certified" if good else "not certified"
-    return f"{min(times[1:]):.1f} to {max(times[1:]):.1f} s a point after the first, {said}"
+    return f"{min(times[1:]):.1f} to {max(times[1:]):.1f} s per point after the first, {said}"
 
 
 def followed(system: ss.System, first: float, points: int) -> str:
@@ -142,7 +142,7 @@ def followed(system: ss.System, first: float, points: int) -> str:
         good = found.certificate.ok and good
         times.append(time.process_time() - begun)
     said = "certified" if good else "not certified"
-    return f"{min(times):.2f} to {max(times):.2f} s a point, {said}"
+    return f"{min(times):.2f} to {max(times):.2f} s per point, {said}"
 
 
 def main() -> None:

@@ -363,7 +363,7 @@ def test_the_size_of_an_installation_is_what_was_measured() -> None:
         for name in ("", " and `all`")
     )
     assert core is not None and everything is not None
-    said = f"the core takes {core[1]} MB, `stickslip[all]` {everything[1]} MB"
+    said = f"the core takes {core[1]} MB of disk space and `stickslip[all]` {everything[1]} MB"
     assert said in WRITTEN["start.md"]
 
 

@@ -61,7 +61,7 @@ _STRUCTURES = {
     "damping": "a file, `{ratios = [0.01]}` or `{alpha = 0.5, beta = 8e-5}`",
     "names": "a list of all names, or a table of some with their indices",
     "unit": "unit of displacements",
-    "keep": "unknowns that a reduced structure keeps",
+    "keep": "degrees of freedom that a reduced structure keeps",
     "modes": "number of modes in addition to these",
     "method": '`"craig-bampton"` or `"modal"`',
     "packed": "all arrays as one string, as stored with results, instead of files",

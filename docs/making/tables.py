@@ -39,7 +39,7 @@ _OF = {
     "component": "a component of the state, `{name}:x`",
     "contact": "a contact, `{name}:foot`",
     "force": "a contact, `{name}:foot`; in a plane one component, `{name}:table 1`",
-    "quantity": "a variable, also a force, `{name}:friction_foot`",
+    "quantity": "a variable, including a force, `{name}:friction_foot`",
     "weight": "a formula of the parameters, `{name}:m*g`",
 }
 
@@ -113,7 +113,7 @@ def _measures() -> str:
         "measure",
         "meaning",
         "argument",
-        "also if the drive ends",
+        "even if the drive ends",
         "computes the period again",
     ]
     return markdown.filled(

@@ -1,5 +1,6 @@
-"""A finite-element beam with 200 unknowns and Jenkins contacts at three nodes: the response of its
-tip to a force at three levels, with stability and the largest amplitude at each level.
+"""A finite-element beam with 200 degrees of freedom and Jenkins contacts at three nodes: the
+response of its tip to a force at three levels, with stability and the largest amplitude at each
+level.
 
 Prints the frequency and amplitude of each resonance, and plots the curves.
 """

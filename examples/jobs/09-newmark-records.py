@@ -1,5 +1,5 @@
-"""The slip of a block under 100 records, over the friction and the scale of the records, and the
-motion of a floor on sliding bearings under two components of a record.
+"""The slip of a block under 100 records, as a function of the friction and the scale of the
+records, and the motion of a floor on sliding bearings under two components of a record.
 
 Prints the scale at which half of the records exceed 10 cm, and the displacement of the floor.
 """

@@ -1,5 +1,5 @@
-"""A tip pulled over a lattice, along a line and in the plane: its mean friction over the speed and
-the direction of the pull.
+"""A tip pulled across a lattice, along a line and in the plane: its mean friction as a function of
+the speed and the direction of the pull.
 
 Prints the friction of slow and fast pulls, and plots both. All directions are those of lattice
 vectors, because in other directions motions are not periodic and means converge slowly.

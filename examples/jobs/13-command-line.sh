@@ -1,6 +1,6 @@
 #!/bin/sh
 # The command line alone: a motion, a cycle, a branch, and a map that is interrupted and resumed, of
-# the model file beside this script, and the numbers as CSV files. Prints what each command says;
+# the model file next to this script, and the results as CSV files. Prints the output of each command;
 # takes half a minute. POINTS is the resolution of the map.
 set -e
 MODEL="$(dirname "$0")/13-crate.toml"

@@ -34,7 +34,7 @@ def paper(
         typer.Option("--only", metavar="KEY", help="One figure or place, such as 4.4 or (3.6)."),
     ] = None,
 ) -> None:
-    """Draw every figure of Mielke 2017 and check its claims.
+    """Plot every figure of Mielke 2017 and check its claims.
 
     Writes figures, animations, claims.json and the page index.html into the folder DIR.
 

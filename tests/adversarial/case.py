@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip import Contact, Inertial, Internal, Parameter, RateIndependent, System, Viscous
 
-from .mechanics import Array, Mechanics
+from .references.mechanics import Array, Mechanics
 
 Rng = np.random.Generator
 

@@ -215,7 +215,7 @@ def heading(options: argparse.Namespace) -> str:
     """What the table is."""
     command = f"python -m tests.adversarial --count {options.count} --seed {options.seed}"
     return (
-        "# Truth\n\n"
+        "# Comparison with reference programs\n\n"
         "Random cases, compared with reference programs that share no code with the library: "
         f"`{command}`.\n\n"
     )

@@ -55,12 +55,12 @@ class Kind(Protocol):
 
 def kinds() -> list[str]:
     """Names of the kinds that are there."""
-    return [name for name in SHARES if find_spec(f"{__package__}.{name}") is not None]
+    return [name for name in SHARES if find_spec(f"{__package__}.kinds.{name}") is not None]
 
 
 def kind(name: str) -> Kind:
     """The module of a kind."""
-    return import_module(f"{__package__}.{name}")  # type: ignore[return-value]
+    return import_module(f"{__package__}.kinds.{name}")  # type: ignore[return-value]
 
 
 def in_turn(

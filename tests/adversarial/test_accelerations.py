@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adversarial import accelerations
-from adversarial.accelerations import draw
 from adversarial.families.leaving import FAMILIES
+from adversarial.kinds import accelerations
+from adversarial.kinds.accelerations import draw
 from adversarial.verdict import AGREED, REFUSED, WRONG
 
 EACH = 300 // len(FAMILIES) + 1

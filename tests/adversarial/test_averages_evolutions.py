@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adversarial import averages, curves, dense_steps, evolutions
+from adversarial import dense_steps
+from adversarial.families import curves
+from adversarial.kinds import averages, evolutions
 from adversarial.verdict import AGREED, NOT_CERTIFIED, WRONG
 
 ROOT = Path(__file__).parents[2]

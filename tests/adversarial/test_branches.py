@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import brentq
 
 import stickslip as ss
-from adversarial import branches
 from adversarial.families.branching import FAMILIES
+from adversarial.kinds import branches
 from adversarial.verdict import AGREED, WRONG
 from stickslip.orbits.branches import corner
 

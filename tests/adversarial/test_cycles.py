@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adversarial import cycles
 from adversarial.families.repeating import FAMILIES, Repeating
 from adversarial.families.single import by_hand
-from adversarial.settling import Settled, settle
+from adversarial.kinds import cycles
+from adversarial.references.settling import Settled, settle
 from adversarial.verdict import AGREED, NO_REFERENCE, REFUSED, WRONG
 from oracles import belt_block
 from stickslip import Cycle, find_cycle, simulate

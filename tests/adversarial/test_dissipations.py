@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from adversarial import dissipations, points
-from adversarial.directed import RULES, mean_speed_of_disc, mean_speed_of_ring
-from adversarial.dissipations import draw
 from adversarial.families.dissipations import FAMILIES
+from adversarial.kinds import dissipations, points
+from adversarial.kinds.dissipations import draw
+from adversarial.references.directed import RULES, mean_speed_of_disc, mean_speed_of_ring
 from adversarial.verdict import AGREED, WRONG
 
 CHOSEN = [

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import stickslip as ss
-from adversarial import equilibrium_branches as eb
+from adversarial.kinds import equilibrium_branches as eb
 from adversarial.verdict import AGREED, NO_REFERENCE, WRONG
 
 KINDS = {

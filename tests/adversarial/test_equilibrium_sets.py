@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adversarial import equilibrium_sets
+from adversarial.kinds import equilibrium_sets
 from adversarial.verdict import AGREED, WRONG
 
 

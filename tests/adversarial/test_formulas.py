@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from adversarial import formulas
-from adversarial.formulas import FAMILIES
+from adversarial.kinds import formulas
+from adversarial.kinds.formulas import FAMILIES
 from adversarial.verdict import AGREED
 
 # "but right" is a guard that is undefined in a branch that is not taken.

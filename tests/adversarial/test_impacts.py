@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adversarial import impacts
+from adversarial.kinds import impacts
 from adversarial.verdict import AGREED, WRONG
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from adversarial import maps
+from adversarial.kinds import maps
 from adversarial.verdict import AGREED, NOT_CERTIFIED, WRONG
 
 # Seeds that take little time; some start outside the stable set.

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adversarial import planes
 from adversarial.families.planes import FAMILIES, Slide
-from adversarial.planes import draw
-from adversarial.sliding import PLANE, STICK, Bodies, Pad, motion
+from adversarial.kinds import planes
+from adversarial.kinds.planes import draw
+from adversarial.references.sliding import PLANE, STICK, Bodies, Pad, motion
 from adversarial.verdict import AGREED, REFUSED, WRONG
 from oracles import planar
 

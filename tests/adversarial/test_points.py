@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adversarial import points
 from adversarial.families.points import FAMILIES, Carried, Point, Shape
-from adversarial.points import draw
-from adversarial.smoothed import LAWS, limit, smoothed
+from adversarial.kinds import points
+from adversarial.kinds.points import draw
+from adversarial.references.smoothed import LAWS, limit, smoothed
 from adversarial.verdict import AGREED, NO_REFERENCE, REFUSED, WRONG
 
 CHOSEN = [

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from adversarial.case import draw
-from adversarial.event_driven import Motion, integrate
+from adversarial.families.shapes import BUMPS, STEPS, Shape
 from adversarial.families.single import by_hand
-from adversarial.mechanics import TIME, Mechanics, Zone
-from adversarial.motions import instants, sizes
-from adversarial.pieces import NoAnswer
-from adversarial.regularised import regularised
-from adversarial.shapes import BUMPS, STEPS, Shape
+from adversarial.kinds.motions import instants, sizes
+from adversarial.references.event_driven import Motion, integrate
+from adversarial.references.mechanics import TIME, Mechanics, Zone
+from adversarial.references.pieces import NoAnswer
+from adversarial.references.regularised import regularised
 from adversarial.verdict import OutOfTime, at_most
 from oracles import belt_block, den_hartog, moreau, rate_and_state
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial import samples
+from adversarial.kinds import samples
 from adversarial.verdict import AGREED
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from adversarial import stored
+from adversarial.kinds import stored
 from adversarial.verdict import AGREED, WRONG
 
 

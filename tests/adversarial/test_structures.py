@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from adversarial import structures
 from adversarial.families.structures import FAMILIES, Structural
-from adversarial.linear import Body, Touch, follow
-from adversarial.structures import draw
+from adversarial.kinds import structures
+from adversarial.kinds.structures import draw
+from adversarial.references.linear import Body, Touch, follow
 from adversarial.verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG
 
 CHOSEN = {

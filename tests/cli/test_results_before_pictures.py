@@ -62,7 +62,7 @@ def test_a_picture_that_fails_is_a_warning(
     assert result.exit_code == 0
     warning = " ".join(result.stderr.split())
     assert warning.startswith(
-        "warning: the picture could not be drawn (OverflowError: Exceeded cell block limit)"
+        "warning: the figure could not be plotted (OverflowError: Exceeded cell block limit)"
     )
     assert sorted(p.name for p in folder.iterdir()) == results
     assert json.loads(result.stdout) == json.loads(
@@ -102,7 +102,7 @@ def test_ctrl_c_while_drawing_keeps_the_results(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(ss.Trajectory, "plot", impatient)
     result = stickslip("run", "belt_block", "--until", "8", "--out", "here")
     assert result.exit_code == 130
-    assert "interrupted while drawing; the results are in here" in result.stderr
+    assert "interrupted while plotting; the results are in here" in result.stderr
     assert ss.open("here/trajectory.nc").outcome is ss.Outcome.FINISHED
     assert sorted(p.name for p in Path("here").iterdir()) == sorted(
         set(MOTION_FILES.names) - {PICTURE}

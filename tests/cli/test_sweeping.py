@@ -128,7 +128,7 @@ def test_plot_of_what_is_no_map() -> None:
         "the map has no measure 'period'"
         in stickslip("plot", "toy.zarr", "--measure", "period").stderr
     )
-    assert "unknown picture format" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr
+    assert "unknown figure format" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr
     assert "not a map" in stickslip("plot", ".").stderr
 
 

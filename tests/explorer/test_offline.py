@@ -81,9 +81,9 @@ def test_the_command_writes_a_page(tmp_path: Path) -> None:
         (["belt_block", "--export", "gone/page.html"], "there is no folder gone"),
         (["belt_blok", "--export", "page.html"], "Did you mean 'belt_block'?"),
         (["--export", "page.html"], "the system is missing"),
-        (["belt_block", "--over", "V"], "--over: it selects the sliders of exported pages only"),
+        (["belt_block", "--over", "V"], "--over: only exported pages"),
         (["belt_block", "--export", "page.html", "--port", "5"], "needs no server"),
-        (["own?toml=abc", "--export", "page.html"], "the address contains a model"),
+        (["own?toml=abc", "--export", "page.html"], "the URL contains a model"),
         (["belt_block?W=3", "--export", "page.html"], "unknown parameter or function 'W'"),
     ],
 )

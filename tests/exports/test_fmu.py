@@ -251,7 +251,7 @@ def test_what_an_fmu_does_not_do(tmp_path: Path) -> None:
         fmu.put(mu=0.3)  # what it is
         fmu.step(2.0, 1.0)
         fmu.put(mu=0.4)
-        fmu.is_refused(3.0, 1.0, "mu: it cannot be set after the initialization")
+        fmu.is_refused(3.0, 1.0, "mu: it cannot be set after the initialisation")
         assert not fmu.certified()
         fmu.fmu.terminate()
     with running(path, tmp_path) as fmu:

@@ -573,7 +573,7 @@ def test_pairs_may_be_lists():
         (
             {"direction": ["d_x", "d_y", "d_x"]},
             "axes",
-            "expected 3 half axes, one for each direction, got 2",
+            "expected 3 semi-axes, one for each direction, got 2",
         ),
         ({"direction": ["d_x", "d_y", "d_x"], "axes": [1, 1, 1]}, "direction", "parallel"),
         ({"direction": ["d_x*d_y", "d_y"]}, "direction", "not a linear combination"),

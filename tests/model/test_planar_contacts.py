@@ -28,7 +28,7 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "three components": (
         {"direction": ("d_x", "d_y", "d_u")},
         "axes",
-        "expected 3 half axes, one for each direction, got 2",
+        "expected 3 semi-axes, one for each direction, got 2",
         "disc(v1, v2, a*v3)",
     ),
     "no component": (
@@ -96,11 +96,11 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "a negative axis": ({"axes": (1, "a")}, "axes", "-1 is outside", "in this range"),
     "an axis that is none": ({"axes": (float("nan"), 1)}, "axes", "not finite", "finite number"),
     "an endless axis": ({"axes": (1, float("inf"))}, "axes", "not finite", "finite number"),
-    "one axis": ({"axes": 2.0}, "axes", "half axes, got a number", "["),
+    "one axis": ({"axes": 2.0}, "axes", "semi-axes, got a number", "["),
     "three axes": (
         {"axes": (1, 1, 1)},
         "axes",
-        "expected 2 half axes, one for each direction, got 3",
+        "expected 2 semi-axes, one for each direction, got 3",
         "[",
     ),
     "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' is not allowed here", "parameters"),

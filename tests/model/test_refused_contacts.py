@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from adversarial import points
-from adversarial.dissipations import draw
+from adversarial.kinds import points
+from adversarial.kinds.dissipations import draw
 from stickslip import (
     Contact,
     DeclarationError,

@@ -21,6 +21,7 @@ from stickslip import (
     simulate,
     simulate_many,
 )
+from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, INTEGRALS
 
 SCALES = [1e-60, 1e-12, 1e12, 1e60]
 
@@ -575,3 +576,21 @@ def test_slips_that_begin_too_early_are_not_certified(name: str) -> None:
     told = Trajectory(held.problem, (0.0, 2.0), motion.knots, motion.outcome)
     assert not told.certificate.ok
     assert told.certificate["friction law"].value > 0.1
+
+
+def test_sampled_residuals_bound_the_integral_of_their_modulus() -> None:
+    """For polynomials of the degree that the nodes determine, steep ones among them; the weights of
+    the quadrature alone are no bound."""
+    degree = COUNT - 1
+    x = np.linspace(0.0, 1.0, 20_001)
+    rng = np.random.default_rng(5)
+    shapes = [rng.normal(size=degree + 1) for _ in range(50)]
+    shapes += [np.eye(degree + 1)[degree], [1.0], np.eye(degree + 1)[2] - 0.3]
+    exceeded = 0
+    for c in shapes:
+        p = np.polynomial.Legendre(c, domain=[0.0, 1.0])
+        size = np.mean(np.abs(p(0.5 * (x[1:] + x[:-1]))))
+        samples = np.abs(p(GAUSS_NODES))
+        assert size <= INTEGRALS @ samples
+        exceeded += bool(size > (1.0 + 1e-6) * GAUSS_WEIGHTS @ samples)
+    assert exceeded > 0

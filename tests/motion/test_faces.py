@@ -258,7 +258,7 @@ def test_speed_of_a_face_is_its_mean_speed():
     ("given", "reason"),
     [
         ({}, "one for each direction"),
-        ({"axes": (1.0, 0.5)}, "expected 3 half axes, one for each direction"),
+        ({"axes": (1.0, 0.5)}, "expected 3 semi-axes, one for each direction"),
         ({"axes": (1.0, 1.0, 0.0)}, "inf"),
         ({"dissipation": "disc(v1, v2)"}, "argument"),
         ({"dissipation": "disc(v1, v2, v3) - 1.2*v1"}, "nonnegative|convex"),

@@ -45,7 +45,7 @@ def test_units_and_meanings() -> None:
         "long_name": "friction force of table, component 2",
     }
     assert quantity(system, "slip_speed_table_1")["units"] == "m/s"
-    assert quantity(system, "threshold_table_1")["long_name"].startswith("half axis of the forces")
+    assert quantity(system, "threshold_table_1")["long_name"].startswith("semi-axis of the forces")
     with pytest.raises(KeyError):
         quantity(system, "threshold_plus_table_1")
 

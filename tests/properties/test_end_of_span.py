@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial import dissipations, planes, points
+from adversarial.kinds import dissipations, planes, points
 
 KINDS = {"planes": planes, "points": points, "dissipations": dissipations}
 PART = 0.3

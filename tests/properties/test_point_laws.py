@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial.accelerations import at_rest, scale
-from adversarial.accelerations import draw as draw_instant
 from adversarial.families.points import Carried, Point, Shape, made
+from adversarial.kinds.accelerations import at_rest, scale
+from adversarial.kinds.accelerations import draw as draw_instant
 from stickslip.arrays import Array
 
 CLOSE = 1e-7

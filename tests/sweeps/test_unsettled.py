@@ -136,7 +136,7 @@ def test_a_map_counts_and_draws_them(regimes: ss.Map) -> None:
     for _, corners in cells:
         assert area(corners) == pytest.approx(area_of(regimes, irregular))
     said = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"not settled: irregular", "no value: irregular"} <= said
+    assert {"not converged: irregular", "no value: irregular"} <= said
     colours = regimes.plot("outcome").axes[1]
     assert "irregular" in [text.get_text() for text in colours.get_yticklabels()]
 
@@ -209,6 +209,6 @@ def test_what_has_not_settled_is_classed_as_in_maps() -> None:
                 assert words[at] == kind.label.replace(" ", "_")
                 drawn = found.plot()
                 shown = {text.get_text() for text in drawn.legends[0].get_texts()}
-                assert f"not settled: {kind.label}" in shown
+                assert f"not converged: {kind.label}" in shown
                 assert HATCHES[kind] in {letter for letter, _ in hatched(drawn.axes[0])}
     assert seen == {*labels}

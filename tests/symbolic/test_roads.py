@@ -1,8 +1,8 @@
 """One formula has one value, whichever way it is computed: one by one, with NumPy, in machine code
 (of constants, and of what moves), from its own text; and no enclosure misses it.
 
-The reference is Python's own arithmetic (:mod:`adversarial.texts`), which shares no code with the
-library: comparisons at equality, guards that are undefined or overflow.
+The reference is Python's own arithmetic (:mod:`adversarial.families.texts`), which shares no code
+with the library: comparisons at equality, guards that are undefined or overflow.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial.texts import GRID, Text, drawn, same, settled
+from adversarial.families.texts import GRID, Text, drawn, same, settled
 from stickslip.errors import DeclarationError
 from stickslip.motion.problem import pose
 from stickslip.symbolic import expressions as ex

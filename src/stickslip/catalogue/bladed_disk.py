@@ -23,8 +23,8 @@ def bladed_disk(
     """n sectors in a ring, each with a blade, under an engine-order excitation, with dry friction
     dampers between neighbouring blades.
 
-    The structure ``u`` has the unknowns ``u[disc_1]``, ..., ``u[blade_1]``, ... A tuned disk
-    responds with a travelling wave: every blade moves like the previous one, with a delay of
+    The structure ``u`` has the degrees of freedom ``u[disc_1]``, ..., ``u[blade_1]``, ... A tuned
+    disc responds with a travelling wave: every blade moves like the previous one, with a delay of
     order/n of a period. Mistuned blades, which differ slightly, share the energy unevenly.
 
     Parameters
@@ -32,7 +32,7 @@ def bladed_disk(
     n : int
         Number of sectors, at least 3.
     order : int
-        Engine order: how often the force goes round in one turn of the disc.
+        Engine order: number of periods of the force on a blade per revolution of the disc.
     mistuning : float
         Largest relative deviation of the stiffness of a blade.
     **given : float or str
@@ -42,7 +42,7 @@ def bladed_disk(
     ----------
     J. H. Griffin, A. Sinha, *The interaction between mistuning and friction in the forced response
     of bladed disk assemblies*, J. Eng. Gas Turbines Power 107 (1985) 205-211, for the model; the
-    numbers are ours.
+    parameter values are our own.
     """
     whole = [is_finite(x) and float(x).is_integer() for x in (n, order)]
     if not (whole[0] and 3 <= n <= _MOST):

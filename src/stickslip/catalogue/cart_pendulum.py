@@ -18,7 +18,7 @@ def cart_pendulum(**given: float | str) -> System:
 
     References
     ----------
-    The equations are those of every textbook; with friction: S. A. Campbell, S. Crawford and K.
+    The equations are found in textbooks; with friction: S. A. Campbell, S. Crawford and K.
     Morris, *Friction and the inverted pendulum stabilization problem*, J. Dyn. Syst. Meas. Control
     130 (2008), 054502.
     """

@@ -6,9 +6,9 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 def coin(**given: float | str) -> System:
     """Coin thrown across a table with spin: a disc under uniform pressure.
 
-    The faster it spins, the smaller the friction against its sliding. However it was thrown,
-    sliding and spinning end at the same instant, in the same ratio of speeds. The parameters are
-    those of a one-euro coin.
+    The faster it spins, the smaller the friction against its sliding. However it is thrown, sliding
+    and spinning end at the same instant, with the same ratio of speeds. The parameters are those of
+    a one-euro coin.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 
 def curling_stone(**given: float | str) -> System:
-    """Curling stone on a ring, turning slowly while it slides, on ice whose friction decreases with
-    the speed.
+    """Curling stone on a ring, rotating slowly while it slides, on ice whose friction decreases
+    with the speed.
 
     It moves in a straight line: under uniform pressure the lateral forces at its front and at its
     back cancel. A real stone curls by a metre, because the friction at the two differs; the cause
@@ -19,7 +19,7 @@ def curling_stone(**given: float | str) -> System:
     References
     ----------
     A. R. Penner, *The physics of sliding cylinders and curling rocks*, Am. J. Phys. 69 (2001)
-    332-339, on what makes a stone curl. The law of friction is a choice of this catalogue.
+    332-339, on what makes a stone curl. The friction law was chosen for this catalogue.
     """
     return System(
         name="curling_stone",

@@ -20,7 +20,7 @@ def drill_string(**given: float | str) -> System:
     ----------
     J. D. Jansen and L. van den Steen, *Active damping of self-excited torsional vibrations in oil
     well drillstrings*, J. Sound and Vibration 179 (1995) 647-668, for the model and the order of
-    its inertias and stiffness. With a table that is held fast the bit slides evenly above Ω_c,
+    its inertias and stiffness. With a table at prescribed speed the bit slides uniformly above Ω_c,
     where c = ((T_s − T_c)/ω_s) exp(−Ω/ω_s).
     """
     return System(

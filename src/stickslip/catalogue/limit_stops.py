@@ -10,7 +10,7 @@ def limit_stops(**given: float | str) -> System:
     a stop at either end.
 
     The spool rebounds a few times, comes to rest at a stop, and leaves it when the force reverses.
-    Event handling in which every transition is programmed separately gets this wrong.
+    Event handlers that treat every transition separately easily fail at this.
 
     Parameters
     ----------

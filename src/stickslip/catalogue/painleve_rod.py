@@ -1,4 +1,4 @@
-"""Painlevé's rod: Coulomb's friction and a rigid body that contradict each other."""
+"""Painlevé's rod: a rigid body for which Coulomb's law may have no solution."""
 
 from math import sin
 
@@ -11,11 +11,11 @@ def painleve_rod(**given: float | str) -> System:
 
     A tip that slides ahead of its rod digs in: N accelerates it upwards by (1 + 3 cos² θ − 3 μ sin
     θ cos θ) N/m. Where tan θ is between (3μ ∓ √(9μ² − 16))/2 this is negative, and a slip that
-    starts there, as for ``mu=1.5``, ends at once with *no admissible acceleration*. A slip outside
-    this interval reaches it only if μ > 8/√27, at the lower angle and with l θ̇² sin θ = g, as the
-    normal force tends to infinity; for smaller μ the tip lifts off before. With the declared
-    parameters the tip sticks, and the rod vaults over it. The span ends before the rod lies on the
-    floor: only the tip is a contact. A start on the floor has y = l sin θ.
+    starts there, as for ``mu=1.5``, ends immediately with *no admissible acceleration*. A slip
+    outside this interval reaches it only if μ > 8/√27, at the lower angle and with l θ̇² sin θ = g,
+    as the normal force tends to infinity; for smaller μ the tip lifts off earlier. With the
+    declared parameters the tip sticks, and the rod vaults over it. The span ends before the rod
+    lies on the floor: only the tip is a contact. A start on the floor has y = l sin θ.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Rate
 
 def planar_jenkins(**given: float | str) -> System:
     """Mass on springs under a force that moves along an ellipse, damped by a slider behind a
-    spring; the slider slips in the direction of its force, whatever that is.
+    spring; the slider slips in the direction of its force, which may be any.
 
     Parameters
     ----------
@@ -18,9 +18,9 @@ def planar_jenkins(**given: float | str) -> System:
     application in vibration control*, J. Sound Vib. 144 (1991) 427-447; K. Y. Sanliturk, D. J.
     Ewins, *Modelling two-dimensional friction contact and its application using harmonic balance
     method*, J. Sound Vib. 193 (1996) 511-523. Where the force goes around a circle (``Q`` = ``P``),
-    both move on circles, the slider a right angle behind its force: its radius B solves
-    ((k − mω²)² + (cω)²) B² + 2cωF_c B + (cωF_c/k_d)² + ((k − mω²)F_c/k_d + F_c)² = P², and that of
-    the mass is √(B² + (F_c/k_d)²).
+    both the mass and the slider move on circles, the slider at a right angle behind its force: its
+    radius B solves ((k − mω²)² + (cω)²) B² + 2cωF_c B + (cωF_c/k_d)² + ((k − mω²)F_c/k_d + F_c)² =
+    P², and that of the mass is √(B² + (F_c/k_d)²).
     """
     return System(
         name="planar_jenkins",

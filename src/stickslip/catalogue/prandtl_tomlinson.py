@@ -4,7 +4,7 @@ from stickslip.model.system import Condition, DefaultSpan, Parameter, System, Vi
 
 
 def prandtl_tomlinson(**given: float | str) -> System:
-    """A tip pulled over an atomic lattice: stick-slip from smooth forces and a small viscosity.
+    """A tip pulled across an atomic lattice: stick-slip from smooth forces and a small viscosity.
 
     Without inertia, η ẋ + (2πV_0/a) sin(2πx/a) + k(x − X(t)) = 0. The tip has no dry friction; the
     friction of the system arises because the tip jumps from one valley of the lattice to the next.
@@ -19,9 +19,9 @@ def prandtl_tomlinson(**given: float | str) -> System:
     ----------
     L. Prandtl, *Ein Gedankenmodell zur kinetischen Theorie der festen Körper*, ZAMM 8 (1928)
     85-106; V. L. Popov and J. A. T. Gray, *Prandtl-Tomlinson model: history and applications in
-    friction, plasticity, and nanotechnologies*, ZAMM 92 (2012) 683-708. In slow pull the spring
-    force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1, the tip jumps, shortly
-    after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps (the fact
+    friction, plasticity, and nanotechnologies*, ZAMM 92 (2012) 683-708. If the pull is slow, the
+    spring force grows up to 2πV_0/a. If the ratio η = 4π²V_0/(ka²) exceeds 1, the tip jumps,
+    shortly after, from the force (2πV_0/a)√(1 − η⁻²); otherwise it follows without jumps (the fact
     ``force_at_jump`` is 0).
     """
     return System(

@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 def puck(**given: float | str) -> System:
     """Puck thrown across a slightly tilted table. Friction opposes its velocity, and the side force
-    turns the velocity, the faster the slower the puck is; the puck stops with its velocity along
+    turns the velocity, more quickly as the puck slows down; the puck stops with its velocity along
     the force.
 
     Parameters
@@ -17,7 +17,7 @@ def puck(**given: float | str) -> System:
     ----------
     Coulomb's law in a plane. With the friction k = μmg it gives d(k·abs(v) + F·v_x)/dt = −(k² −
     F²)/m, so that a puck thrown with the velocity v stops after m (k·abs(v) + F·v_x)/(k² − F²), in
-    whatever direction it was thrown.
+    whatever direction it is thrown.
     """
     return System(
         name="puck",

@@ -1,4 +1,4 @@
-"""The toy ramp walker: two feet that are loaded and lifted by turns."""
+"""The toy ramp walker: two feet that are loaded and lifted alternately."""
 
 from stickslip.model.system import Condition, Inertial, Parameter, System, Unilateral
 

@@ -8,7 +8,7 @@ def rate_and_state_slider(**given: float | str) -> System:
 
     The stress on the fault is sigma·friction(v, theta) + eta·v. It increases with the slip rate v
     at any state theta, so that v follows from the stress. The fault never sticks, but between
-    earthquakes it creeps at rates that are smaller by fifteen orders of magnitude.
+    earthquakes it creeps at rates that are fifteen orders of magnitude smaller.
 
     Parameters
     ----------

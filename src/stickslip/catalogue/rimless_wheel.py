@@ -10,8 +10,8 @@ def rimless_wheel(**given: float | str) -> System:
     angular momentum about the new foot. In the limit cycle the rate after each impact is cot(2α)
     √(4 (g/l) sin α sin γ); the deviation of its square is multiplied by cos² 2α in each step.
     Heights are measured from the foot, so the energy jumps by the loss of the impact minus the
-    descent of the foot: in the cycle the jump vanishes. The impact of a
-    wheel that falls backward is not modelled.
+    descent of the foot; in the cycle the jump vanishes. The impact of a wheel that falls backward
+    is not modelled.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from stickslip.symbolic.formulas import TimeFunction
 
 
 def sliding_base(**given: float | str | TimeFunction) -> System:
-    """Block on a shaken base; it slides where friction cannot accelerate it like the base.
+    """Block on a shaken base; it slides if friction cannot give it the acceleration of the base.
 
     The default acceleration is synthetic, three sines under an envelope; pass a measured one as
     ``a=ss.Samples(...)``, and the motion then covers the record.

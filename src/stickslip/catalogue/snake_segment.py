@@ -20,8 +20,8 @@ def snake_segment(**given: float | str) -> System:
     References
     ----------
     D. L. Hu, J. Nirody, T. Scott & M. J. Shelley, *The mechanics of slithering locomotion*, PNAS
-    106 (2009) 10081-10085: the coefficients forward 0.11, backward 0.14 and sideways 0.20. What
-    drives a segment alone is a choice of this catalogue.
+    106 (2009) 10081-10085: the coefficients forward 0.11, backward 0.14 and sideways 0.20. The
+    drive of a single segment was chosen for this catalogue.
     """
     sliding = "sqrt((mu_f*max(v1, 0) + mu_b*max(-v1, 0))**2 + (mu_t*v2)**2 + (mu_t*L/4*v3)**2)"
     return System(

@@ -23,7 +23,7 @@ def spring_slider(**given: float | str) -> System:
     **given : float or str
         Parameters ``V``, ``k``, ``alpha_0``, ``nu``; free functions ``mu`` (of alpha), ``ell`` (the
         load, of t) or, in place of ``ell``, its rate ``shear`` (of t, where plateaus are easily
-        written). A formula for ``V`` is taken for ``shear``.
+        written). A formula for ``V`` is used as ``shear``.
 
     References
     ----------

@@ -18,7 +18,7 @@ def stick_slip_actuator(**given: float | str) -> System:
     Z. M. Zhang, Q. An, J. W. Li and W. J. Zhang, *Piezoelectric friction-inertia actuator: a
     critical review and future perspective*, Int. J. Adv. Manuf. Technol. 62 (2012) 669-685. On the
     way back, of duration τ = (1 − share) T, friction slows the slider down by F_c τ/m, and then
-    speeds it up for as long; in each period it makes a step of A/share − F_c τ²/m.
+    accelerates it for the same time; in each period it makes a step of A/share − F_c τ²/m.
     """
     return System(
         name="stick_slip_actuator",

@@ -1,4 +1,4 @@
-"""A body without mass that is dragged over a table by a spring."""
+"""A body without mass that is dragged across a table by a spring."""
 
 from stickslip.model.system import (
     Condition,
@@ -11,9 +11,9 @@ from stickslip.model.system import (
 
 
 def tractrix(**given: float | str) -> System:
-    """Body dragged over a table by a spring whose end moves along a line. The body moves along the
-    spring force, whose magnitude is that of the friction, so that it follows the end at a constant
-    distance. Its path is the tractrix, that of a watch drawn across a table by its chain.
+    """Body dragged across a table by a spring whose end moves along a line. The body moves along
+    the spring force, whose magnitude is that of the friction, so that it follows the end at a
+    constant distance. Its path is the tractrix, that of a watch drawn across a table by its chain.
 
     Parameters
     ----------

@@ -22,7 +22,8 @@ def two_block_rate_and_state(**given: float | str) -> System:
     References
     ----------
     Y. Abe and N. Kato, *Pure Appl. Geophys.* 170 (2013), 745-765: the model and its complex cycles;
-    J. R. Rice, *J. Geophys. Res.* 98 (1993), 9885: radiation damping. The numbers are not theirs.
+    J. R. Rice, *J. Geophys. Res.* 98 (1993), 9885: radiation damping. The parameter values are not
+    theirs.
     """
     blocks = (1, 2)
     return System(

@@ -29,12 +29,12 @@ def explore(
     Parameters
     ----------
     system : System or str, optional
-        A system, a name of the catalogue, a model file, or the part after # of an address of the
+        A system, a name of the catalogue, a model file, or the part after # of a URL of the
         explorer. By default the page starts with the gallery.
     port : int, optional
         Port to listen on; by default 5106, or a free port.
     browser : bool, optional
-        Whether to open the page in a browser; by default unless it is shown in a notebook.
+        Whether to open the page in a browser. By default it is opened, except in a notebook.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def named_system(text: str) -> System:
     state = text.rpartition("#")[2]
     model, _, rest = state.partition("?")
     if model in ("own", GIVEN) and rest:
-        reason = "the address contains a model"
+        reason = "the URL contains a model"
         raise DeclarationError("MODEL", reason, "Export its model file, and name that")
     setting = read_state(state)
     name = unquote(model)

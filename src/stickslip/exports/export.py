@@ -94,7 +94,7 @@ def export(
         case ".wav":
             motion = motion_in(result, "result")
             if len(quantities) != 1:
-                reason = f"a sound is made of one quantity, but {len(quantities)} were given"
+                reason = f"a sound contains one quantity, but {len(quantities)} were given"
                 raise DeclarationError("quantities", reason, "Give one, like 'x'")
             write_wav(sound_of(motion, quantities[0], rate, seconds), rate, path)
         case ".fmu" | ".py" | ".html":

@@ -161,7 +161,7 @@ class SystemFmu(Fmi2Slave):
     def _only_before(self, name: str, changed: bool) -> None:
         """Reject all further steps if a parameter changes during the motion."""
         if changed and self._phase != "before":
-            reason = "it cannot be set after the initialization"
+            reason = "it cannot be set after the initialisation"
             remedy = "Set it earlier, or export it as an input"
             self._refuse(DeclarationError(name, reason, remedy))
 
@@ -263,7 +263,7 @@ class SystemFmu(Fmi2Slave):
     def _move(self, begin: float, size: float) -> None:
         stepper = self._ready()
         if self._phase != "running" or stepper is None or self._fault is not None:
-            before = "the initialization has not ended"
+            before = "the initialisation has not ended"
             after = "the FMU was terminated"
             raise self._fault or DeclarationError(
                 "step", before if self._phase == "before" else after, "Reset the FMU"

@@ -1,4 +1,4 @@
-"""Plots of backbones: frequency and damping over the amplitude."""
+"""Plots of backbones: frequency and damping against the amplitude."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SYMBOLS = {"frequency": "$\\omega$", "damping": "$D$"}
 def plot_backbone(
     found: Backbone, names: Sequence[str] | None = None, *, ax: Axes | None = None
 ) -> Figure:
-    """Quantities of a backbone over the amplitude, whose axis has powers of ten.
+    """Quantities of a backbone against the amplitude, whose axis has powers of ten.
 
     The axis of the damping, too, is logarithmic if it spans more than a decade and a half. The line
     is thin where no contact slips.
@@ -83,7 +83,7 @@ def plot_backbone(
 
 
 def _draw(axes: Axes, found: Backbone, name: str) -> None:
-    """Plot one quantity over the amplitude."""
+    """Plot one quantity against the amplitude."""
     data = found.dataset
     x, y = found.amplitude, data[name].values.astype(float)
     slips = data["slips"].values != 0

@@ -26,7 +26,7 @@ _QUANTILE = 1.959963984540054
 
 
 def plot_band(band: Band, ax: Axes | None = None) -> Figure:
-    """Plot the largest amplitude over the parameter, with its 95 % band, and special points with
+    """Plot the largest amplitude against the parameter, with its 95 % band, and special points with
     their intervals."""
     x = _largest(band)
     if ax is not None:

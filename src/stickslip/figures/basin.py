@@ -47,7 +47,7 @@ _OTHERS = {"undamped": "#D8D2C8", "stopped": "#777777", "not computed": "#FFFFFF
 
 def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
     """Plot the attractor reached by each initial state; the legend contains its speed or period.
-    Hatched: not certified, or, as in maps, not settled.
+    Hatched: not certified, or, as in maps, not converged.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _name(basin: xarray.Dataset, code: int) -> str:
     """Legend entry of a colour."""
     if code < 0:
         said = ON_NONE[code]
-        return f"not settled: {said}" if code in _UNSETTLED else said
+        return f"not converged: {said}" if code in _UNSETTLED else said
     one = basin.isel(reached=code)
     kind = str(one["reached"].values).replace("_", " ")
     period = float(one["period"])

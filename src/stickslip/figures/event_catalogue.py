@@ -35,7 +35,7 @@ _MAGNITUDE = 2.0 / 3.0  # magnitude per decade of the size
 def plot_catalogue(catalogue: EventCatalogue, ax: Axes | None = None) -> Figure:
     """Plot sizes over time; the number of events of at least a given size, with the b-value law;
     the number of interevent times of at least a given length, compared with a Poisson process of
-    the same rate; the cumulative size over time; and the time after an event over its size.
+    the same rate; the cumulative size over time; and the time after an event against its size.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def _sum(axes: Axes, catalogue: EventCatalogue) -> None:
 
 
 def _recurrence(axes: Axes, catalogue: EventCatalogue) -> None:
-    """Plot the time after each event over its size: it increases if a large event is followed by a
-    long pause."""
+    """Plot the time after each event against its size: it increases if a large event is followed by
+    a long pause."""
     size, after = catalogue["size"].values[:-1], catalogue["interevent"].values[1:]
     some = (size > 0.0) & (after > 0.0)
     axes.set_xscale("log")

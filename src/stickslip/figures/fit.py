@@ -155,7 +155,7 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def plot_law_fit(fit: LawFit, ax: Axes | None = None) -> Figure:
-    """Plot points and law over the speed, with the residuals below (except in given axes)."""
+    """Plot points and law against the speed, with the residuals below (except in given axes)."""
     v, F = fit.speeds, fit.forces
     with paper_style():
         own, below = ax, None

@@ -1,4 +1,4 @@
-"""Plots of fragilities: the fraction of records that exceed a limit, over their scale."""
+"""Plots of fragilities: the fraction of records that exceed a limit, against their scale."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _REST = 1e-9  # fraction of the largest speed at which a jump at rest is drawn
 
 
 def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Figure:
-    """Plot loops of the force over the displacement and over the velocity, for sines of three
+    """Plot loops of the force against the displacement and against the velocity, for sines of three
     amplitudes: the first loading and the following period. For rate-and-state laws, plot the
     response to steps of the rate, and the steady state.
 
@@ -116,8 +116,8 @@ def loop(
 def _draw_steps(
     law: FrictionLaw, values: Mapping[str, float] | None, left: Axes, right: Axes
 ) -> None:
-    """Plot the force over slip for steps of the rate up and down, and over the rate: instantaneous
-    and steady-state values."""
+    """Plot the force against slip for steps of the rate up and down, and against the rate:
+    instantaneous and steady-state values."""
     for ratio, colour in zip(_RATIOS, line_colours(len(_RATIOS)), strict=True):
         _, x, _, force = steps(law, ratio, values)
         left.plot(x, force, color=colour, label=f"rate $\\times {_number(ratio)}$")

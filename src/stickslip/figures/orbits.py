@@ -65,7 +65,7 @@ def plot_branch(
     Parameters
     ----------
     names : list of str, optional
-        Quantities plotted over the parameter; by default the coordinates and internal variables
+        Quantities plotted against the parameter; by default the coordinates and internal variables
         that change, and the speed of gaits, at most three; the mean friction of pulled systems.
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that emanate from a branch of
@@ -275,7 +275,7 @@ def _sticks(branch: Branch) -> Array:
 
 
 def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str, Any]]) -> None:
-    """Plot one variable over the parameter: a line for each part of constant stability."""
+    """Plot one variable against the parameter: a line for each part of constant stability."""
     x = _values(branch)
     stable = _decided(branch)
     sticks = _sticks(branch)

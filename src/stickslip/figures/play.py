@@ -78,7 +78,7 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
 
 
 def plot_loops(load: Array, plays: Mapping[str, Array], total: Array) -> Figure:
-    """Plot hysteresis loops over the load: single plays, and a weighted sum of plays
+    """Plot hysteresis loops against the load: single plays, and a weighted sum of plays
     (Prandtl–Ishlinskii).
 
     Parameters

@@ -53,9 +53,9 @@ _PAD = 0.1  # margin as a fraction of the range of most lines
 def plot_records(
     data: xarray.Dataset, measures: Sequence[str] | None = None, ax: Axes | None = None
 ) -> Figure:
-    """Plot measures of many records over their scale, or another axis: thin lines for all records,
-    a thick one for their median, and a band from 16 % to 84 % of them; lines of a few outliers are
-    clipped. Without such an axis, plot a dot for each record.
+    """Plot measures of many records against their scale, or another axis: thin lines for all
+    records, a thick one for their median, and a band from 16 % to 84 % of them; lines of a few
+    outliers are clipped. Without such an axis, plot a dot for each record.
 
     Parameters
     ----------

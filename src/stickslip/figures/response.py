@@ -1,5 +1,5 @@
-"""Plots of frequency responses: amplitude over the frequency, a line for each level, with the phase
-below."""
+"""Plots of frequency responses: amplitude against the frequency, a line for each level, with the
+phase below."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _APART = 2.0  # points between a label and other objects
 def plot_response(
     response: FrequencyResponse, names: Sequence[str] | None = None, *, ax: Axes | None = None
 ) -> Figure:
-    """Plot quantities of a response over the frequency, one labelled line per level.
+    """Plot quantities of a response against the frequency, one labelled line per level.
 
     Unstable parts are dashed, parts without slip are thin. Circles are folds; dots are points at
     which contacts begin to stick or to slip, or a boundary is touched. Triangles are motions of
@@ -114,7 +114,7 @@ def plot_response(
 
 
 def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
-    """Plot one quantity over the frequency."""
+    """Plot one quantity against the frequency."""
     data, x = response.dataset, response.parameter
     colours = _colours(response)
     for number in np.unique(data["line"].values) if data.sizes["point"] else ():

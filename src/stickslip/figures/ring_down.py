@@ -37,7 +37,7 @@ _DECADES = 10.0  # a range of positive values this wide has a logarithmic axis
 
 def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
     """The motion of the coordinate with its envelope; below, frequency and damping ratio of each
-    half-cycle over the amplitude, if there are any.
+    half-cycle against the amplitude, if there are any.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def _motion(axes: Axes, ring_down: RingDown) -> None:
 
 
 def _over_amplitude(axes: Axes, ring_down: RingDown, over: str, name: str) -> None:
-    """A quantity of the half-cycles over the amplitude, on a logarithmic axis."""
+    """A quantity of the half-cycles against the amplitude, on a logarithmic axis."""
     data = ring_down.dataset
     amplitude, value = data[over].values, data[name].values
     known = np.isfinite(amplitude) & np.isfinite(value)

@@ -517,7 +517,7 @@ def _doubts(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
             if np.any(shown) and (name != "outcome" or hatch == UNCERTAIN):
                 found[hatch] = found.get(hatch, False) | shown
     words = _words(data["outcome"])
-    texts = {hatch: f"not settled: {words[kind.code]}" for kind, hatch in HATCHES.items()}
+    texts = {hatch: f"not converged: {words[kind.code]}" for kind, hatch in HATCHES.items()}
     return {h: texts.get(h) or _lacking(data, here) for h, here in found.items()}
 
 

@@ -140,7 +140,7 @@ class Band(Result):
         return [*points, *special, ("ended", self.branch.ended), *notes]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the amplitude over the parameter with its band, and special points with their
+        """Plot the amplitude against the parameter with its band, and special points with their
         intervals."""
         from stickslip.figures.band import plot_band
 

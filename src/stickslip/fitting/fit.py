@@ -208,7 +208,7 @@ class Fit(Result):
         *,
         initial: Mapping[str, float] | None = None,
     ) -> Band:
-        """Follow a cycle of the fitted system in a parameter, with the resulting uncertainty of
+        """Continue a cycle of the fitted system in a parameter, with the resulting uncertainty of
         amplitudes, Hopf points, onsets of stick, and folds.
 
         Parameters

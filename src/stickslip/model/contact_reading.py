@@ -292,7 +292,7 @@ class _Contacts:
         names = _VELOCITIES[: len(axes)]
         velocities = {x: ex.sym(x) for x in names}
         if contact.dissipation is None:
-            # R(v) = |A v| with the half axes A, so the limit surface is an ellipsoid.
+            # R(v) = |A v| with the semi-axes A, so the limit surface is an ellipsoid.
             parts = zip(axes, velocities.values(), strict=True)
             squares = ((a * a * v * v, 1.0) for a, v in parts)
             value = ex.power(ex.add(*squares), ex.num(0.5))

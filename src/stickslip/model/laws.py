@@ -321,7 +321,7 @@ elasto_plastic: FrictionLaw = FrictionLaw(
     "elasto_plastic",
     "Elasto-plastic bristles without drift",
     "Dupont, Hayward, Armstrong and Altpeter 2002",
-    "As Dahl's and the LuGre law, but the bristles are purely elastic below a fraction of F_c, "
+    "Like the Dahl and LuGre laws, but the bristles are purely elastic below a fraction of F_c, "
     "so that a body does not creep under small loads; at F_c they slide.",
     parameters={
         "F_c": _F_C,
@@ -440,7 +440,7 @@ rate_and_state_slip: FrictionLaw = FrictionLaw(
     "rate_and_state_slip",
     "Rate-and-state friction, slip law",
     "Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
-    "As the ageing law, but the state evolves with slip only: theta' = −Ω ln Ω, Ω = uθ/D_c. At "
+    "Like the ageing law, but the state evolves with slip only: theta' = −Ω ln Ω, Ω = uθ/D_c. At "
     "zero rate the slope is infinite, and the motion ends there.",
     parameters=_RATE_AND_STATE,
     options=_REFERENCE,

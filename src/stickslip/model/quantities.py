@@ -37,7 +37,7 @@ FORCES = {
 }
 IN_PLANE = {
     "friction": "friction force of",
-    "threshold": "half axis of the forces of",
+    "threshold": "semi-axis of the forces of",
 }
 """The same of each component of a contact in a plane."""
 ENERGIES = ("energy", "dissipated_energy", "supplied_energy")

@@ -469,7 +469,7 @@ class System:
             rates ``d_x``, and ``speed``. The name of a fact is also a formula.
         values : mapping of str to float, optional
             Values of the names on which the formula depends. Parameters that are not given have
-            their defaults, and unknowns of a structure are zero.
+            their defaults, and degrees of freedom of a structure are zero.
 
         Returns
         -------

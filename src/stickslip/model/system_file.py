@@ -138,7 +138,7 @@ def load(path: str | PathLike[str]) -> System:
     Parameters
     ----------
     path : str or path
-        A model file, TOML.
+        A model file in TOML.
 
     Raises
     ------

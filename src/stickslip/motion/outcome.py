@@ -76,19 +76,19 @@ class Outcome(Ended):
         "budget spent",
         "The limits were reached before the motion repeated, and neither chaos nor drift was "
         "detected. It may be quasi-periodic, or its cycle has more events than are compared. "
-        "Increase max_time, max_cycles or longest_cycle. Rest that cannot be proved and a load "
-        "that is not periodic also end here",
+        "Increase max_time, max_cycles or longest_cycle. This is also the outcome of motions whose "
+        "rest cannot be proved, and of motions under a load that is not periodic",
     )
     IRREGULAR = (
         25,
         "irregular",
-        "The motion has not settled, and neighbouring motions diverge: the largest Lyapunov "
+        "The motion has not converged, and neighbouring motions diverge: the largest Lyapunov "
         "exponent is positive. Measures are taken over its last part",
     )
     SLOW = (
         26,
         "slow",
-        "The motion has not settled: it still drifts, decays or grows from one return to the "
+        "The motion has not converged: it still drifts, decays or grows from one return to the "
         "next. Increase max_time or max_cycles",
     )
     UNDAMPED = (
@@ -141,9 +141,9 @@ class Outcome(Ended):
     JUMPS_ON = (
         21,
         "a jump ends in the guard of a jump",
-        "The state jumped to a place where the same or another jump fires at once, which may "
-        "repeat without end. Let the state jump to one side of the guard, or give the guard a "
-        "direction",
+        "The state jumped to a place where the same or another jump is triggered immediately, "
+        "which may repeat indefinitely. Let the state jump to one side of the guard, or give the "
+        "guard a direction",
     )
     OUTSIDE = (
         15,

@@ -294,15 +294,15 @@ class Trajectory(Result):
         Returns
         -------
         dict of str to float or array
-            Coordinates, rates ``d_x``, internal variables; unknowns of structures with names, as
-            ``u[tip]``, and their rates; outputs; per contact ``friction_``,
+            Coordinates, rates ``d_x``, internal variables; named degrees of freedom of structures,
+            such as ``u[tip]``, and their rates; outputs; per contact ``friction_``,
             ``threshold_plus_``, ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``,
             ``dissipated_energy``, ``supplied_energy``.
 
         Raises
         ------
         DeclarationError
-            If a time is outside the computed span, or `side` is neither.
+            If a time is outside the computed span, or `side` is invalid.
         """
         times = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = float(self.knots.time[0]), float(self.knots.time[-1])
@@ -324,12 +324,13 @@ class Trajectory(Result):
         }
 
     def trace(self, names: Sequence[str], times: Array, index: Array) -> dict[str, Array]:
-        """Quantities at many times, for pictures; see trace.py.
+        """Quantities at many times, for plots; see trace.py.
 
         Parameters
         ----------
         names : sequence of str
-            Parts of the state, unknowns of structures, friction forces and thresholds, outputs.
+            Parts of the state, degrees of freedom of structures, friction forces and thresholds,
+            outputs.
         times : array, shape (n,)
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.

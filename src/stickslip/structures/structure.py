@@ -168,7 +168,7 @@ class Structure:
 
     @property
     def indices(self) -> dict[str, int]:
-        """Names with the indices of their unknowns."""
+        """Names with the indices of their degrees of freedom."""
         return cast("dict[str, int]", self.names)
 
     @cached_property
@@ -300,25 +300,25 @@ class Structure:
         Parameters
         ----------
         keep : sequence of int or str
-            Unknowns with contacts, springs and loads.
+            Degrees of freedom with contacts, springs and loads.
         modes : int
             Number of modes in addition to these.
         method : {"craig-bampton", "modal"}
-            The Craig-Bampton method uses the kept unknowns, and the lowest modes of the structure
-            when these are fixed: its static response to forces on kept unknowns is exact. The modal
+            The Craig-Bampton method uses the kept degrees of freedom, and the lowest modes of the
+            structure with these fixed; its static response to forces on them is exact. The modal
             method uses only the lowest modes of the structure.
 
         Returns
         -------
         Structure
-            Its unknowns have the same indices and names; :attr:`left_out` describes the omitted
-            modes.
+            Its degrees of freedom have the same indices and names; :attr:`left_out` describes the
+            omitted modes.
 
         Raises
         ------
         DeclarationError
-            If an unknown does not exist or is named twice, no unknown is kept with the
-            Craig-Bampton method, or fixing the kept unknowns leaves rigid modes.
+            If a degree of freedom does not exist or is named twice, none is kept with the
+            Craig-Bampton method, or rigid modes remain when the kept ones are fixed.
 
         Notes
         -----

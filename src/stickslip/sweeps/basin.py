@@ -167,7 +167,7 @@ def basin(
         Time span that replaces the span of the system: motions start at its beginning, and are
         abandoned after 100 times its length.
     settings : Settings, optional
-        Criteria for settled motions, and the accuracy.
+        Criteria of convergence, and the accuracy.
     workers : int, optional
         Number of threads; by default all cores. The result does not depend on it.
     time_limit : float, optional

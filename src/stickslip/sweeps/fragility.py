@@ -1,4 +1,4 @@
-"""Fragility: the fraction of records that exceed a limit, over their scale.
+"""Fragility: the fraction of records that exceed a limit, against their scale.
 
 With J. W. Baker, *Earthquake Spectra* 31 (2015) 579-599, a lognormal distribution of the scale at
 which a record reaches the limit is fitted by its likelihood: P(exceeded) = Φ(ln(x/θ)/β), with the
@@ -104,7 +104,7 @@ class Fragility(Result):
         return f"{self.dataset.attrs['total']} records, {self.limit}"
 
     def levels(self, named: Callable[[str], str] = str) -> Iterator[tuple[str, xarray.Dataset]]:
-        """Curves over the scale for all values of the other axes, with these values.
+        """Curves against the scale for all values of the other axes, with these values.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Fragility(Result):
         return rows + shortened(fits)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the fractions over the scale, with their intervals and the fitted curves."""
+        """Plot the fractions against the scale, with their intervals and the fitted curves."""
         from stickslip.figures.fragility import plot_fragility
 
         return plot_fragility(self, ax)

@@ -1,4 +1,4 @@
-"""Frequency response: lines of cycles over the frequency of a drive, one for each level of another
+"""Frequency response: lines of cycles in the frequency of a drive, one for each level of another
 parameter.
 
 A line is a branch of cycles, stable or not, with its folds
@@ -68,7 +68,7 @@ def frequency_response(
     steps: StepControl | None = None,
     time_limit: float | None = None,
 ) -> FrequencyResponse:
-    """Compute the response of a system to a drive over the frequency of the drive.
+    """Compute the response of a system to a drive as a function of the frequency of the drive.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Result):
-    """The response to a drive over its frequency, for several levels of another parameter.
+    """The response to a drive as a function of its frequency, for levels of another parameter.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ class FrequencyResponse(Result):
 
     @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Plot the amplitude over the frequency with the phase below, or other quantities.
+        """Plot the amplitude against the frequency with the phase below, or other quantities.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class FrequencyResponse(Result):
         return plot_response(self, list(quantities) or None, ax=ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the amplitude over the frequency with the phase below."""
+        """Plot the amplitude against the frequency with the phase below."""
         return self.plot(ax=ax)
 
 

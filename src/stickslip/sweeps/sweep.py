@@ -116,7 +116,7 @@ def sweep(
     time_limit: float | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Map:
-    """Measure a system over parameters and initial values.
+    """Compute measures of a system over a grid of parameters and initial values.
 
     Parameters
     ----------
@@ -129,8 +129,8 @@ def sweep(
         axis ``scale`` multiplies them, and each motion covers the time of its record.
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory. They are
-        measures of the settled motion or, if drives are samples that end, of the motion over the
-        declared span.
+        measures of the motion after convergence or, if drives are samples that end, of the motion
+        over the declared span.
     out : str or Path, optional
         Path of the store; an incomplete store is resumed. By default the map is kept in memory.
     initial : mapping of str to float, optional
@@ -139,17 +139,17 @@ def sweep(
         Time span that replaces the span of the system: motions start at its beginning, are
         abandoned after 100 times its length, and end with it if drives are samples that end.
     settings : Settings, optional
-        Criteria for settled motions, and the accuracy.
+        Criteria of convergence, and the accuracy.
     seed : int
         Seed of random and low-discrepancy samples.
     carry : str, optional
-        Along this axis every point starts from the settled state of the previous one, at the same
+        Along this axis every point starts from the final state of the previous one, at the same
         phase of the drives, as in an experiment: ``"omega"`` uses the values in the given order,
         ``"omega up"`` and ``"omega down"`` in increasing and decreasing order, ``"omega both"`` up
-        and then down again, with an additional axis ``direction``. Points before the first settled
-        motion of a line start from the initial state. A motion that stops passes on the state from
-        which it started. The states passed on are in the variables ``carried_…``; an interrupted
-        line resumes from them.
+        and then down again, with an additional axis ``direction``. Points before the first
+        converged motion of a line start from the initial state. A motion that stops passes on the
+        state from which it started. The states passed on are in the variables ``carried_…``; an
+        interrupted line resumes from them.
     adaptive : Adaptive, optional
         Refine only where results change.
     scheduler : str

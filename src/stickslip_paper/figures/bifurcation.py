@@ -117,7 +117,7 @@ ENTRY = FigureEntry(
     "What the spring slider (3.3) does at constant V, with μ̃(α) = 2/√α, ν = 0.05, k = α₀ = 1; "
     "dashed: unstable. The unique equilibrium U* = μ̃(α*) + νV loses its stability at the Hopf "
     "point V = 0.22485, where trace DF = 0. The bifurcation is subcritical (first Lyapunov "
-    "coefficient 2.345 > 0): small unstable cycles that never stick are born there; they begin to "
+    "coefficient 2.345 > 0): small unstable cycles without stick emerge there; they begin to "
     "stick at V = 0.2263815 and turn into stable stick-slip in a fold at V = 0.2263881. Triangles: "
     "least and largest U of the settled motion while V rises (▸) and falls (◂) in small steps: "
     "sliding gives way to stick-slip of finite size at once, and in between both are stable. "

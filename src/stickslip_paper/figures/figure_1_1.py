@@ -190,6 +190,6 @@ ENTRY = FigureEntry(
     "slips when it has lost its load, is lifted, and holds again when the body leans on it. "
     "I_b = 5·10⁻⁴ kg m², m_b = 0.1 kg, m_l = 2 g, γ = 0.15, k = 100 N/m, d = 0.22 N s/m, "
     "l = 2.5 cm, h = 1 cm, a = 2 N/m, c = 0.25 N, μ = 0.3, restitution 0, δ = 3.3·10⁻⁴ N m s. "
-    "The period is 0.48535 s, in which it goes 1.951 cm.",
+    "In a period of 0.48535 s it advances 1.951 cm.",
     draw,
 )

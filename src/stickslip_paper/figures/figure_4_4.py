@@ -56,9 +56,9 @@ ENTRY = FigureEntry(
     "The toy animal starts to walk",
     "Simulation of the simplified system (4.2). Left: (ψ, ψ̇) spirals towards the stable limit "
     "cycle, from ψ = 0.8, x_R = −0.8 m (inside) and from ψ = 3, x_R = 0 (outside), t ≤ 60 s. "
-    "Right: ψ, x_R and x_L of the motion from inside; the legs step in turn, and are periodic up "
-    "to the translation vt. The limit cycle has the period 5.969 s, the amplitude 1.624 and the "
-    "speed v = 2X/T = 0.1675 m/s. [M] leaves the parameters open; here I_b = 1 kg m², a = 1 N/m, "
-    "b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, H* = 3 N.",
+    "Right: ψ, x_R and x_L of the motion from inside; the legs step alternately, and are "
+    "periodic up to the translation vt. The limit cycle has the period 5.969 s, the amplitude "
+    "1.624 and the speed v = 2X/T = 0.1675 m/s. [M] leaves the parameters open; here I_b = 1 kg "
+    "m², a = 1 N/m, b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, H* = 3 N.",
     draw,
 )

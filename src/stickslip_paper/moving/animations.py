@@ -230,7 +230,7 @@ ANIMATIONS: dict[str, AnimationEntry] = {
             "a = 1 N/m, b = 1 N m, c = 0.3 N, δ = 0.04 N m s, P = 1 N, ρ = 0.2 N, ψ* = 1, "
             "H* = 3 N. Feet are black in stick and red in slip; a leg slips only while the body "
             "leans to the other side. Right legs are white, left legs dark. From behind, the tilt "
-            "is drawn at a tenth of ψ; how far an unloaded foot lifts is drawn for the eye, the "
+            "is drawn at a tenth of ψ; the lift of an unloaded foot is drawn for illustration, the "
             "model only has its friction ρ + H(ψ).",
             walking_toy,
         ),
@@ -241,8 +241,8 @@ ANIMATIONS: dict[str, AnimationEntry] = {
             "Body of 0.1 kg, legs of 2 g with springs of 100 N/m at 2.5 cm from the middle, "
             "μ = 0.3, a ramp of 0.15 rad; the other parameters are those of the catalogue's "
             "ramp_walker. Feet are black in stick, red in slip and hollow where they are lifted: "
-            "they are contacts that open, and land with impacts without rebound. It goes 1.95 cm "
-            "in a period of 0.485 s. Lengths of the ramp, lifts (up to 3.6 mm) and the angle ψ "
+            "they are contacts that open, and land with impacts without rebound. It advances 1.95 "
+            "cm in a period of 0.485 s. Lengths of the ramp, lifts (up to 3.6 mm) and the angle ψ "
             "(up to 0.274 rad) are drawn true to scale.",
             ramp_walker,
         ),

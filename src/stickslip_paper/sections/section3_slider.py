@@ -214,7 +214,7 @@ def planar_system() -> Finding:
 @claim(
     "section 3",
     "(ℓ, z) → (ℓ + c, z + c)",
-    "SymPy: the field of (3.3) knows neither ℓ nor z, only ℓ′ = V",
+    "SymPy: the field of (3.3) depends on neither ℓ nor z, only on ℓ′ = V",
 )
 def translation_invariance() -> Finding:
     """The problem is invariant if load and block are shifted together."""

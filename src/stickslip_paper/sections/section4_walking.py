@@ -414,8 +414,7 @@ def limit_cycle_attracts() -> Finding:
     "amplitude 1.859 of the walk with P = 1, δ = 0.04, …",
     "extremum of the cycle; energy balance 2cX(ψ_3 + ψ*) = δ∮ψ̇² of both amplitudes",
     Verdict.CORRECTED,
-    correction="1.6236. (A number that was handed down with this set of parameters, not one of "
-    "[M].)",
+    correction="1.6236. (This number came with the set of parameters; it is not one of [M].)",
     derivation="The damping of a nearly harmonic motion of amplitude A takes up πδωA² = 0.35, so A "
     "≈ 1.63.",
 )

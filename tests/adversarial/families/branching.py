@@ -14,7 +14,7 @@ import numpy as np
 from stickslip import Contact, Inertial, System, catalogue
 
 from ..case import Families, Rng, given, log_uniform, pick
-from ..mechanics import Mechanics
+from ..references.mechanics import Mechanics
 from .classics import WAVE, WAVES
 from .laws import STATES, slider_by_hand
 from .repeating import LAWS, Repeating, jenkins

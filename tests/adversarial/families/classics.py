@@ -11,8 +11,8 @@ import numpy as np
 from stickslip import Contact, Inertial, System
 
 from ..case import Case, Rng, family, given, log_uniform, pick
-from ..mechanics import TIME, Mechanics, Zone
-from ..shapes import BUMPS
+from ..references.mechanics import TIME, Mechanics, Zone
+from .shapes import BUMPS
 from .single import by_hand, declared, ordinary
 
 WAVE = "f + F*cos(omega*t + phi)"

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip import Contact, Inertial, Parameter, System
 
 from ..case import Families, Rng, Scaled, pick
-from ..directed import RULES, Directed
+from ..references.directed import RULES, Directed
 
 Numbers = dict[str, float]
 FAMILIES: Families[Any] = Families()

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..case import FAMILIES, Case, Rng, log_uniform, pick
-from ..mechanics import TIME, Zone
-from ..shapes import BUMPS, STEPS, Shape
+from ..references.mechanics import TIME, Zone
+from .shapes import BUMPS, STEPS, Shape
 from .single import KINDS, by_hand, declared, ordinary
 
 WAVE = "F*cos(omega*t + phi)"

@@ -12,8 +12,8 @@ import numpy as np
 from stickslip import Contact, Internal, System, catalogue
 
 from ..case import Case, Rng, family, given, log_uniform, pick
-from ..mechanics import TIME, Mechanics, Zone
-from ..shapes import BUMPS, Shape
+from ..references.mechanics import TIME, Mechanics, Zone
+from .shapes import BUMPS, Shape
 from .single import KINDS
 
 STATES = {

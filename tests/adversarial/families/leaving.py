@@ -13,7 +13,7 @@ import numpy as np
 from stickslip import Contact, Inertial, Parameter, System
 
 from ..case import Families, Rng, declaration
-from ..mechanics import Array
+from ..references.mechanics import Array
 
 Numbers = dict[str, float]
 

@@ -10,7 +10,7 @@ from math import acos, acosh, cos, sin
 from stickslip import Contact, Inertial, RateIndependent, System
 
 from ..case import C, Case, Rng, family, given, pick
-from ..mechanics import Mechanics
+from ..references.mechanics import Mechanics
 from .classics import block_on_a_belt, forced, stribeck_belt
 from .several import pair_with_two_contacts
 from .single import KINDS

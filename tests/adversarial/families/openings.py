@@ -11,8 +11,8 @@ import numpy as np
 
 from stickslip import Contact, Inertial, System, Unilateral
 
-from ..bouncing import Bodies, Touch
 from ..case import Families, Rng, declaration, given, pick
+from ..references.bouncing import Bodies, Touch
 
 G = 9.81
 

@@ -13,8 +13,8 @@ import numpy as np
 from stickslip import Contact, Inertial, Parameter, System, Unilateral
 
 from ..case import Families, Rng, Scaled, log_uniform, pick
-from ..mechanics import Array
-from ..sliding import Bodies, Pad
+from ..references.mechanics import Array
+from ..references.sliding import Bodies, Pad
 
 Numbers = dict[str, Any]
 Row = tuple[tuple[str, str], ...]  # coefficients (1, -1, or the name of a number) and coordinates

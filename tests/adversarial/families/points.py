@@ -13,7 +13,7 @@ import numpy as np
 from stickslip import Contact, Inertial, Parameter, System, Unilateral
 
 from ..case import Families, Rng, Scaled, pick
-from ..smoothed import Board, Line, Spot
+from ..references.smoothed import Board, Line, Spot
 
 Numbers = dict[str, float]
 

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip import Contact, Inertial, RateIndependent, System
 
 from ..case import Case, Families, Rng, given, log_uniform, pick
-from ..mechanics import Array, Mechanics
+from ..references.mechanics import Array, Mechanics
 from .classics import WAVE, WAVES, forced
 from .features import TRAINS
 from .laws import slider, slider_by_hand

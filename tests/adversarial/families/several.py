@@ -12,8 +12,8 @@ import numpy as np
 from stickslip import Contact, Inertial, RateIndependent, System, Viscous, catalogue
 
 from ..case import Case, Rng, family, given, log_uniform, pick
-from ..mechanics import TIME, Mechanics, Zone
-from ..shapes import BUMPS, STEPS, Shape
+from ..references.mechanics import TIME, Mechanics, Zone
+from .shapes import BUMPS, STEPS, Shape
 from .single import KINDS
 
 KIND_COUNTS = {"inertial": (2, 0, 0, 0), "viscous": (0, 2, 0, 0), "rate-independent": (0, 0, 2, 0)}

@@ -10,7 +10,7 @@ from typing import Any
 from stickslip import Contact, Inertial, Parameter, RateIndependent, System, Viscous
 
 from ..case import Rng
-from ..mechanics import Mechanics, Zone
+from ..references.mechanics import Mechanics, Zone
 
 KINDS = {"inertial": Inertial, "viscous": Viscous, "rate-independent": RateIndependent}
 

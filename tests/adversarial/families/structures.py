@@ -15,8 +15,8 @@ from scipy.sparse import csc_array
 from stickslip import Contact, ModalDamping, ProportionalDamping, Structure, System, laws
 
 from ..case import Families, Rng, log_uniform, pick
-from ..linear import Body, Touch
-from ..mechanics import Array
+from ..references.linear import Body, Touch
+from ..references.mechanics import Array
 
 Damping = Any  # a matrix, a rule of the library, or None
 

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip import Contact, Inertial, System
 
 from ..case import Case, Rng, family, given, log_uniform, pick
-from ..mechanics import Mechanics
+from ..references.mechanics import Mechanics
 from .classics import forced
 from .single import KINDS, by_hand, declared, ordinary
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adversarial import branches
+from adversarial.kinds import branches
 from orbits.examples import SLIDER
 from stickslip import catalogue
 from stickslip.certificates import Certificate, Residual

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial.sliding import Bodies, Pad, motion
+from adversarial.references.sliding import Bodies, Pad, motion
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 

@@ -16,8 +16,7 @@ def explore_command(
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="Name of a catalogue system, a .toml file, or the part after # of an address of "
-            "the page.",
+            help="Name of a catalogue system, a .toml file, or the part of a URL after #.",
         ),
     ] = None,
     port: Annotated[
@@ -52,15 +51,14 @@ def explore_command(
             "--over",
             metavar="NAME=VALUES",
             help="Slider of the exported page, such as V=0.05:0.4:15, or V for its range in the "
-            "explorer; up to three, whose values are combined.  "
-            "[default: each parameter separately]",
+            "explorer; up to three, whose values are combined.  [default: one parameter at a time]",
         ),
     ] = None,
 ) -> None:
     """Open an interactive page in the browser, with the exact motion for every slider position.
 
-    Without MODEL it starts with the gallery. The page connects to this machine only; its address
-    contains a random token. Press Ctrl-C to stop it.
+    Without MODEL the page starts with the gallery. The server listens on this machine only, and the
+    URL contains a random token. Press Ctrl-C to stop the server.
 
     With --export, motions and cycles are computed for all values and written into one file.
 
@@ -71,7 +69,7 @@ def explore_command(
         return
     if over:
         raise DeclarationError(
-            "--over", "it selects the sliders of exported pages only", "Add --export FILE.html"
+            "--over", "only exported pages have sliders with given values", "Add --export FILE.html"
         )
     from stickslip.explorer.explore import listening_explorer
 

@@ -169,7 +169,7 @@ def branch_command(
         bool,
         typer.Option(
             "--cycle",
-            help="Follow a cycle instead of an equilibrium; needed if the system depends on time "
+            help="Continue a cycle instead of an equilibrium; needed if the system depends on time "
             "or its state jumps.",
         ),
     ] = False,
@@ -177,12 +177,12 @@ def branch_command(
     *,
     output: ResultOptions,
 ) -> None:
-    """Follow an equilibrium (or a cycle) over a parameter, and report special points.
+    """Continue an equilibrium (or a cycle) in a parameter, and report special points.
 
     Writes branch.nc, branch.csv, summary.json and overview.png into the folder DIR.
 
-    Exit code: 0 certified, 1 not, or nothing to follow, 2 wrong input, 130 interrupted (the results
-    so far are kept).
+    Exit code: 0 certified, 1 not, or nothing to continue, 2 wrong input, 130 interrupted (the
+    results so far are kept).
     """
     from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
     from stickslip.equations.derive import derive
@@ -252,7 +252,7 @@ def response_command(
     *,
     output: ResultOptions,
 ) -> None:
-    """Follow the response to a drive over its frequency: amplitude, phase and stability.
+    """Compute the response to a drive as a function of its frequency: amplitude, phase, stability.
 
     Writes response.nc, response.csv, summary.json and overview.png into the folder DIR.
 
@@ -369,7 +369,7 @@ def backbone_command(
     *,
     output: ResultOptions,
 ) -> None:
-    """Find the frequency and damping of a mode over its amplitude, without a drive.
+    """Compute the frequency and damping of a mode as functions of its amplitude, without a drive.
 
     Writes backbone.nc, backbone.csv, summary.json and overview.png into the folder DIR.
 
@@ -416,7 +416,7 @@ def basin_command(
     *,
     output: ResultOptions,
 ) -> None:
-    """Compute which attractor each of many initial states reaches.
+    """Find the attractor that each of many initial states reaches.
 
     Writes basin.nc, summary.json and overview.png into the folder DIR.
 

@@ -158,7 +158,7 @@ def records_command(
     time_limit: TimeLimitOfEach = None,
     json_: Json = False,
 ) -> None:
-    """Measure a system under every record of a folder, at many scales, and over parameters.
+    """Compute measures of a system under every record in a folder, at many scales, over parameters.
 
     Each motion covers the time of its record. Writes a Zarr store, record by record; run the same
     command again to resume, and use --extend to add records. With --limit, also writes the fraction

@@ -37,17 +37,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Criteria for settled motions, and the accuracy."""
+    """Criteria of convergence, and the accuracy."""
 
     rtol: AccuracyOfEach = 1e-10
     tolerance: Annotated[
         float,
-        typer.Option("--tolerance", help="Relative tolerance for a motion to count as settled."),
+        typer.Option("--tolerance", help="Relative tolerance for the convergence of a motion."),
     ] = 1e-8
     max_time: Annotated[
         float | None,
         typer.Option(
-            "--max-time", metavar="T", help="Time after which a motion counts as not settled."
+            "--max-time", metavar="T", help="Time after which a motion counts as not converged."
         ),
     ] = None
     longest_cycle: Annotated[
@@ -117,7 +117,7 @@ def sweep_command(
         typer.Option(
             "--carry",
             metavar="AXIS [up|down|both]",
-            help="Start every point along this axis from the settled state of the previous one, "
+            help="Start every point along this axis from the final state of the previous one, "
             "such as omega, 'omega down', or 'omega both' for up and down.",
         ),
     ] = None,
@@ -132,7 +132,7 @@ def sweep_command(
     stored: Stored,
     time_limit: TimeLimitOfEach = None,
 ) -> None:
-    """Measure a system over parameters and initial values.
+    """Compute measures of a system over a grid of parameters and initial values.
 
     Writes a Zarr store, chunk by chunk; run the same command again to resume.
 
@@ -212,13 +212,13 @@ def plot_command(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="Path of the picture.  [default: FILE with .png]"
+            "--out", metavar="FILE", help="Path of the figure.  [default: FILE with .png]"
         ),
     ] = None,
 ) -> None:
-    """Draw a stored result: a motion, a cycle, a branch, a basin, a map or any other.
+    """Plot a stored result: a motion, a cycle, a branch, a basin, a map or any other.
 
-    By default draws an overview; with --measure, the given measures of a map or a branch, or
+    By default plots an overview; with --measure, the given measures of a map or a branch, or
     quantities. For a motion or a cycle, --time and --coordinate select a part.
     """
     from stickslip import Cycle, Trajectory
@@ -242,7 +242,7 @@ def plot_command(
             figure.savefig(picture)
     except ValueError:
         raise DeclarationError(
-            "--out", f"unknown picture format '{picture}'", "Use .png, .pdf or .svg"
+            "--out", f"unknown figure format '{picture}'", "Use .png, .pdf or .svg"
         ) from None
     typer.echo(picture)
 

@@ -75,11 +75,11 @@ def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
             draw().savefig(partial, format="png")
         os.replace(partial, folder / PICTURE)
     except KeyboardInterrupt:
-        finish(f"interrupted while drawing; the results are in {folder}", EXIT_INTERRUPTED)
+        finish(f"interrupted while plotting; the results are in {folder}", EXIT_INTERRUPTED)
     except Exception as error:  # an error here does not affect the result
         warn(
-            f"the picture could not be drawn ({type(error).__name__}: {error}); the results are in "
-            f"{folder}"
+            f"the figure could not be plotted ({type(error).__name__}: {error}); the results are "
+            f"in {folder}"
         )
     finally:
         partial.unlink(missing_ok=True)

@@ -96,7 +96,7 @@ def _given(system: System, over: Mapping[str, Any] | Sequence[str]) -> tuple[Sli
         raise DeclarationError(
             "over",
             f"{len(axes)} parameters were given",
-            f"Give at most {_MOST_SLIDERS}, or none: then each parameter varies in turn",
+            f"Give at most {_MOST_SLIDERS}, or none: then one parameter at a time varies",
         )
     for axis in axes:
         if len(axis.names) > 1 or axis.labels:

@@ -168,7 +168,7 @@ const words = (sets, averaged, resolved, chosen) => {
   }
   const far = distance(averaged, resolved, head.names.length)
   if (far !== null) found.push(explorer.element("p", {}, `Largest distance between the motion and its averaged limit: ${n(far, 3)}.`))
-  found.push(explorer.element("p", {class: "hint"}, chosen === LIMIT ? "Solid lines: oscillating friction. Dashed lines: averaged friction." : "Green: intersection over all phases. Line: the friction force over the phase."))
+  found.push(explorer.element("p", {class: "hint"}, chosen === LIMIT ? "Solid lines: oscillating friction. Dashed lines: averaged friction." : "Green: intersection over all phases. Line: the friction force as a function of the phase."))
   return found
 }
 const escapeText = (text) => text.replace(/[&<>]/g, (c) => ({"&": "&amp;", "<": "&lt;", ">": "&gt;"})[c])

@@ -14,7 +14,7 @@ explorer.friction.soon = explorer.debounced(() => {
 
 explorer.friction.look = () => {
   explorer.friction.asked = true
-  explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "busy"}, "Computing one period of the settled motion"))
+  explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "busy"}, "Computing one period of the long-term motion"))
   explorer.ask("friction", "friction", {}, (head, numbers) => {
     if (head.refused) { explorer.$("friction-said").replaceChildren(explorer.element("p", {class: "hint"}, head.refused.reason)); explorer.friction.found = null; explorer.friction.draw(); return }
     if (head.part === "friction") { explorer.friction.found = {head, numbers}; explorer.friction.draw() }
@@ -102,10 +102,10 @@ const sayFriction = (head, shown) => {
   const unit = shown.unit
   const equal = Math.abs(shown.plus - shown.minus) < 1e-9 * (shown.plus + shown.minus)
   explorer.$("friction-said").replaceChildren(
-    explorer.element("p", {}, head.period === null ? "The motion is not periodic; its second half is shown." : `One period, ${n(head.period)} ${head.time_unit}, of the settled motion.`),
+    explorer.element("p", {}, head.period === null ? "The motion is not periodic; its second half is shown." : `One period, ${n(head.period)} ${head.time_unit}, of the long-term motion.`),
     explorer.element("p", {html: equal
       ? `<i>Ψ</i><sub>av</sub>(<i>v</i>) = ${n(shown.plus)} ${unit} · |<i>v</i>|, while the mean threshold is ${n(shown.mean)} ${unit}.`
-      : `<i>Ψ</i><sub>av</sub>(<i>v</i>) = ${n(shown.plus)} ${unit} · <i>v</i> forwards, ${n(shown.minus)} ${unit} · |<i>v</i>| backwards, while the mean threshold is ${n(shown.mean)} ${unit}.`}),
-    explorer.element("p", {}, `Minimum at t = ${n(shown.plus_at, 4)} ${head.time_unit} (forwards) and ${n(shown.minus_at, 4)} ${head.time_unit} (backwards): with fast oscillations it moves at these phases. In this motion it slips ${n(100 * shown.slips, 3)} % of the time.`),
+      : `<i>Ψ</i><sub>av</sub>(<i>v</i>) = ${n(shown.plus)} ${unit} · <i>v</i> forward, ${n(shown.minus)} ${unit} · |<i>v</i>| backward, while the mean threshold is ${n(shown.mean)} ${unit}.`}),
+    explorer.element("p", {}, `Minimum at t = ${n(shown.plus_at, 4)} ${head.time_unit} (forward) and ${n(shown.minus_at, 4)} ${head.time_unit} (backward): under fast oscillations the contact moves at these phases. In this motion it slips ${n(100 * shown.slips, 3)} % of the time.`),
     explorer.element("p", {class: "hint"}, `Green: forces that are stable at every phase, sampled at ${head.samples} times. Line: the force on the contact. Edges: the thresholds.`))
 }

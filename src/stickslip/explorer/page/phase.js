@@ -246,7 +246,7 @@ explorer.phase.watch = () => explorer.clicked("phase", (sx, sy, {box, plot: {x_r
   const pixels = [(x_range.end - x_range.start) / box.width, (y_range.end - y_range.start) / box.height]
   const [across, up] = explorer.phase.axes()
   const {states} = explorer.motion.head
-  if (!states.includes(across) && !states.includes(up)) return explorer.toast("To set the start by a click, choose coordinates or rates as axes.")
+  if (!states.includes(across) && !states.includes(up)) return explorer.toast("To set the start with a click, choose coordinates or rates as axes.")
   explorer.change("set", (state) => {
     [across, up].forEach((name, i) => {
       if (!states.includes(name)) return

@@ -24,7 +24,7 @@ explorer.$("link").addEventListener("click", async () => {
     hash = explorer.address.write({...state, model: "own", toml: described.toml})
   }
   explorer.shared = `${location.href.split("#")[0]}#${hash}`
-  explorer.copy(explorer.shared, "the address; open it with: stickslip explore 'ADDRESS'")
+  explorer.copy(explorer.shared, "the URL; open it with: stickslip explore 'URL'")
 })
 
 const exports = explorer.$("exports")

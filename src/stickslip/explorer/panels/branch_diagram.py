@@ -1,4 +1,4 @@
-"""Branches over a parameter: stable parts in full lines, unstable ones dashed, special points."""
+"""Branches in a parameter: stable parts in full lines, unstable ones dashed, special points."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def check_bokeh() -> None:
         for name in names:
             if not hasattr(cls, name):
                 raise StickslipError(
-                    f"the explorer cannot guard its server with this version of bokeh: "
+                    f"the explorer cannot enforce access control with this version of bokeh: "
                     f"{cls.__name__} has no method {name}. Install an older version"
                 )
 

@@ -1,4 +1,4 @@
-"""Branches of equilibria and of the limit cycle over a parameter: sent point by point while they
+"""Branches of equilibria and of the limit cycle in a parameter: sent point by point while they
 are followed, and completely when they have been measured."""
 
 from __future__ import annotations

@@ -23,5 +23,5 @@ def embedded(draw: Callable[[], Figure]) -> Html:
         with paper_style():
             draw().savefig(buffer, format="png", dpi=_DOTS)
     except Exception as error:  # an error of the figure does not affect the result
-        return paragraph(f"the picture could not be drawn ({type(error).__name__}: {error})")
+        return paragraph(f"the figure could not be plotted ({type(error).__name__}: {error})")
     return image(buffer.getvalue())

@@ -267,7 +267,7 @@ class PlaneCurves:
     ends : dict of str to array, shape (2, 2)
         Start and end of each path.
     reach : dict of str to array, shape (2, 2)
-        Smallest and largest half-axes of the set of forces.
+        Smallest and largest semi-axes of the set of forces.
     """
 
     def __init__(self, planes: Sequence[InPlane], sampled: SampledMotion, whole: bool) -> None:

@@ -1,1 +1,1 @@
-"""Friction laws fitted to points of force over speed."""
+"""Friction laws fitted to points of force against speed."""

@@ -1,4 +1,4 @@
-"""A friction law fitted to measured points of force over speed.
+"""A friction law fitted to measured points of force against speed.
 
 The points are converted to a record: a surface with prescribed motion passes through all measured
 speeds, and the force of the law is compared with the measured ones at these times. So a law is
@@ -42,7 +42,7 @@ _VISCOUS = 0.1  # initial viscous force at the largest speed, relative to the la
 
 
 class LawFit(Fit):
-    """A friction law fitted to measured points of force over speed.
+    """A friction law fitted to measured points of force against speed.
 
     It has all attributes of a :class:`Fit`, and:
 
@@ -97,7 +97,8 @@ class LawFit(Fit):
         return found if found.ndim else float(found)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot points and law over the speed, and the residuals; no residuals if axes are given."""
+        """Plot points and law against the speed, and the residuals; no residuals if axes are
+        given."""
         from stickslip.figures.fit import plot_law_fit
 
         return plot_law_fit(self, ax)
@@ -116,7 +117,7 @@ def fit_law(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> LawFit:
-    """Fit a friction law to measured points of force over speed by least squares.
+    """Fit a friction law to measured points of force against speed by least squares.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ def _read(points: Any) -> tuple[Array, Array]:
     if float(np.median(np.sign(v) * F)) < 0.0:
         raise DeclarationError(
             "points",
-            "most forces have the opposite sign of v",
+            "most forces have the opposite sign to v",
             "Change the sign: give the force that opposes the motion",
         )
     order = np.argsort(v, kind="stable")

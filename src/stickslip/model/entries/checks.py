@@ -244,8 +244,8 @@ def check_components(where: str, contact: Contact, count: int) -> None:
     if contact.dissipation is None and len(contact.axes) != count:
         raise DeclarationError(
             f"{where}.axes",
-            f"expected {count} half axes, one for each direction, got {len(contact.axes)}",
-            "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
+            f"expected {count} semi-axes, one for each direction, got {len(contact.axes)}",
+            "Give the semi-axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
             "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
             if count == 3
             else "Give one for each direction, like [1.0, 0.6]",

@@ -226,9 +226,9 @@ class Contact:
     `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
     potential is s·abs(Au), and the admissible forces form an ellipse, a disc for equal axes. With a
     `dissipation` R the potential is s·R(u): −λ·v ≤ s R(v) for all v in stick, and λ = −k ∇R(u) in
-    slip. A face has three components, two of its velocity and a rate of turning; λ is two forces
+    slip. A face has three components, two of its velocity and a rate of rotation; λ is two forces
     and a moment. Its forces are an ellipsoid (R. D. Howe & M. R. Cutkosky, Int. J. Robotics
-    Research 15, 1996), or exactly those of a disc or a ring under an even pressure.
+    Research 15, 1996), or exactly those of a disc or a ring under uniform pressure.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ class Contact:
     unit : str
         Unit of the friction force.
     axes : pair of str or float, or three
-        Half axes of the set of forces, relative to the threshold: for a contact in a plane, or a
+        Semi-axes of the set of forces, relative to the threshold: for a contact in a plane, or a
         face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
     dissipation : str or Dissipation, optional
         R, for a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
@@ -321,7 +321,7 @@ class Unilateral:
     unit : str
         Unit of the forces.
     axes : pair of str or float
-        As in a :class:`Contact`: in a plane, the half axes of the set of forces relative to μN.
+        As in a :class:`Contact`: in a plane, the semi-axes of the set of forces relative to μN.
     adhesion : str or float
         Largest tensile force of the closed contact, N₀ ≥ 0: N ≥ −N₀, and friction is μ(N + N₀), by
         Derjaguin's law. The contact opens when the tension exceeds N₀, exerts no force while open,
@@ -484,7 +484,7 @@ class Condition:
     formula : str
         Such as ``"P > rho + c*psi_star"``.
     otherwise : str
-        Warning that is shown where the inequality fails.
+        Warning that is shown if the inequality is violated.
     """
 
     formula: str

@@ -1,4 +1,4 @@
-"""Kinetic friction forces given by points of force over speed."""
+"""Kinetic friction forces given by points of force against speed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stickslip.symbolic.formulas import is_finite
 
 
 def sliding_curves(values: Mapping[str, Any], points: Sequence[str], where: str) -> list[Table]:
-    """The sliding force over the speed that points of a friction law give: one curve, or one for
+    """The sliding force against the speed that points of a friction law give: one curve, or one for
     each way if some speeds are negative.
 
     Parameters

@@ -29,7 +29,7 @@ EXPECTED = {
         "a formula or a pair of formulas",
         'Write "V", or both components for a contact in a plane, like ["V", 0]',
     ),
-    "Axes": ("two or three half axes", "Write it like [1.0, 0.6]"),
+    "Axes": ("two or three semi-axes", "Write it like [1.0, 0.6]"),
     "Direction | tuple[Direction, ...]": (
         "one to three linear combinations of rates",
         "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, like "

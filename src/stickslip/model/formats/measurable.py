@@ -84,7 +84,7 @@ MEASURABLE: dict[str, Measurable] = {
         of_a_span=True, of_any=True,
     ),
     "state": Measurable(
-        "state at which the motion has settled", "component", "component",
+        "state at which the motion has converged", "component", "component",
         "value at the beginning of the measured part", of_a_span=True, of_any=True,
     ),
     "time": Measurable(

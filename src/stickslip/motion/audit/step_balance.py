@@ -20,7 +20,14 @@ import numpy as np
 from stickslip.arrays import Array, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.sharing import any_share, find_shared
-from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
+from stickslip.motion.affine.nodes import (
+    COUNT,
+    GAUSS_NODES,
+    GAUSS_WEIGHTS,
+    INTEGRALS,
+    LEBESGUE,
+    most,
+)
 from stickslip.motion.algebra.roots import horner, slopes_at_nodes
 from stickslip.motion.algebra.vectors import copy
 from stickslip.motion.audit.accounts import (
@@ -306,13 +313,19 @@ def measure_piece(
     give_directions(rows, mode, False)
     for r in range(n):
         largest = 0.0
+        total = 0.0
         for g in range(COUNT):
             largest = most(largest, abs(space.samples[r, g]))
+            total += INTEGRALS[g] * abs(space.samples[r, g])
         known = piece.factor < np.inf
         between = residual_deviation(rows, space.discs, r, piece.factor) if known else 0.0
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
-        steps.gap[i, r] += time * (LEBESGUE * largest + between)
+        sampled = time * LEBESGUE * largest
+        # A residual that increases steeply is large in a small part of the piece.
+        if piece.h * total < sampled:
+            sampled = piece.h * total
+        steps.gap[i, r] += sampled + time * between
     if violates_law(rows, space, mode, piece, tally):
         try_other_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)

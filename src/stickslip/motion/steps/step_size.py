@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.layout import ORDERS
 from stickslip.equations.codegen.program import OPERATION, RESULT
 from stickslip.motion.discs.spreading import reach, spread, spread_state
 from stickslip.motion.discs.tables import (
@@ -66,6 +67,9 @@ _MOST_TURNS = 20  # largest number of Newton iterations
 # radii of the discs in steps: growth is bounded better by a wide disc, a nearby singularity, as in
 # a slip in a plane that is braked, by a narrow one
 _WIDE, _NARROW = 2.0, 1.4
+# by order: fraction of a disc that a polynomial may leave out (Cauchy's estimate)
+_LEFT_BY_WIDE = _WIDE ** -np.arange(ORDERS[-1] + 1.0)
+_LEFT_BY_NARROW = _NARROW ** -np.arange(ORDERS[-1] + 1.0)
 _LOOSE = 1e-3  # relative size of hidden terms of a row that is accepted
 
 
@@ -502,15 +506,16 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array, narrow: b
     narrow : bool
         Whether a narrow disc may show what a wide one does not, which meets a singularity.
     """
-    excess = unseen_within(flow, mode, reg, h, seen, _WIDE)
+    N = flow.order
+    excess = unseen_within(flow, mode, reg, h, seen, _WIDE, _LEFT_BY_WIDE[N])
     if excess <= 1.0 or not narrow:
         return excess
-    return min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
+    return min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW, _LEFT_BY_NARROW[N]))
 
 
 @compiled()
 def unseen_within(
-    flow: Flow, mode: Array, reg: Array, h: float, seen: Array, around: float
+    flow: Flow, mode: Array, reg: Array, h: float, seen: Array, around: float, part: float
 ) -> float:
     """The same, by Cauchy's estimate on a disc of some radius.
 
@@ -523,6 +528,8 @@ def unseen_within(
         Largest modulus so far of each row that bounds the steps.
     around : float
         The radius, in steps.
+    part : float
+        Fraction of the disc that a polynomial may leave out.
     """
     p = flow.rows.program
     W = flow.space.W
@@ -536,7 +543,6 @@ def unseen_within(
     discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
     spread_given(flow, mode, N)
-    part = around ** float(-N)  # radius of the remaining disc
     first = 0
     last = p.leading[0]
     while True:

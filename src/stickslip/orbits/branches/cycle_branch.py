@@ -1,4 +1,4 @@
-"""Branches of cycles over a parameter: folds, period doublings, tori, stick onset, grazing, changes
+"""Branches of cycles in a parameter: folds, period doublings, tori, stick onset, grazing, changes
 of the sequence.
 
 The curve is followed in charts: coordinates around one state of the cycle, in units of its size.
@@ -122,7 +122,7 @@ def continue_cycle(
     time_limit: float | None = None,
     progress: Tell | None = None,
 ) -> Branch:
-    """Follow a cycle while a parameter changes.
+    """Continue a cycle in a parameter.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ class _Follower:
                 if self._passed_before(stations, bent):
                     return Ending(
                         Stop.LOST,
-                        f"the branch returns to {where} and would repeat without end; one of its "
+                        f"the branch returns to {where} and would repeat indefinitely; one of its "
                         "corners has another continuation",
                     )
                 beyond = self._around(stations, chart, bent)

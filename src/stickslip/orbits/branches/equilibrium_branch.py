@@ -1,4 +1,4 @@
-"""Branches of equilibria over a parameter: folds, Hopf points, branch points, boundary
+"""Branches of equilibria in a parameter: folds, Hopf points, branch points, boundary
 equilibria."""
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def continue_equilibrium(
     time_limit: float | None = None,
     progress: Tell | None = None,
 ) -> Branch:
-    """Follow an equilibrium while a parameter changes.
+    """Continue an equilibrium in a parameter.
 
     Parameters
     ----------

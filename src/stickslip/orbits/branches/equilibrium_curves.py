@@ -81,7 +81,7 @@ def hopf_curve(
     ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
-    """Follow a Hopf point of an equilibrium in two parameters.
+    """Continue a Hopf point of an equilibrium in two parameters.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def fold_curve(
     ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
-    """Follow a fold of equilibria in two parameters.
+    """Continue a fold of equilibria in two parameters.
 
     Parameters
     ----------
@@ -153,9 +153,9 @@ def fold_curve(
         remedy = "use continue_cycle"
         if NOT_SMOOTH in point.note:
             reason += ", where the sequence of modes changes"
-            remedy = "follow the stick onset at the same value with stick_onset_curve"
+            remedy = "continue the stick onset at the same value with stick_onset_curve"
         raise DeclarationError(
-            "point", reason, f"This function follows folds of equilibria; {remedy}"
+            "point", reason, f"This function continues folds of equilibria; {remedy}"
         )
     curve = _checked(system, "fold", point, (first, second), ranges)
     return curve.branch(system, "folds", _fold_problem, steps or _STEPS)

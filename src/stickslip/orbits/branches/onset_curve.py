@@ -73,7 +73,7 @@ def stick_onset_curve(
     ranges: Mapping[str, tuple[float, float]],
     steps: StepControl | None = None,
 ) -> Branch:
-    """Follow the onset of stick while two parameters change.
+    """Continue the onset of stick in two parameters.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A branch of equilibria or cycles over a parameter: data, files, table."""
+"""A branch of equilibria or cycles in a parameter: data, files, table."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class SpecialPoint:
     ----------
     kind : str
         Such as ``"Hopf"``, ``"fold"``, ``"branch point"``, ``"boundary equilibrium"``; ``"knot"``
-        (of a smooth table or of samples), which pictures and summaries leave out.
+        (of a smooth table or of samples), which figures and summaries leave out.
     parameter : str
         The parameter of the branch.
     value : float

@@ -39,11 +39,12 @@ def find_cycle(
     ----------
     system : System
     start : Trajectory, Cycle, SpecialPoint, mapping of str to float, or array, optional
-        A motion that has settled: the cycle near its end. A state: the cycle near it, stable or
-        unstable, or else the cycle on which the motion from this state settles; by default the
-        declared initial state. A cycle at other parameters. A Hopf point of a branch of equilibria:
-        the emanating cycles. A motion continues from its end, a state from the start of the
-        declared span.
+        From a motion that has converged, the cycle near its end is computed. From a state, the
+        cycle near it, stable or unstable, is computed; if there is none, the motion from this state
+        is simulated until it converges to a cycle. The start may also be a cycle at other
+        parameters, or a Hopf point of a branch of equilibria, from which cycles emanate. By default
+        it is the declared initial state. A motion continues from its end, a state from the start of
+        the declared span.
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the
         branch parameter selects one of the cycles; by default a small one.

@@ -161,7 +161,7 @@ def accepted(shooting: Shooting, x: Array) -> Closed:
         raise ConvergenceError(
             f"a cycle of {shooting.problem.system.name}",
             f"Newton's method converged to a different solution, {other}",
-            "Choose a start closer to the cycle, or a motion that has settled",
+            "Choose a start closer to the cycle, or a motion that has converged",
         )
     check_isolated(closed)
     return shortest(closed)

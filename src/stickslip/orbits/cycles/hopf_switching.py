@@ -266,7 +266,7 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
             f"cycles of {seed.problem.system.name} from the Hopf point at {name} = "
             f"{point.value:.9g}",
             f"they exist {side} this value, not at {name} = {value:.9g}",
-            f"Choose a value {side} it; near a subcritical point follow the branch with "
+            f"Choose a value {side} it; near a subcritical point continue the branch with "
             "continue_cycle",
         )
     closed = _closed(seed, point)
@@ -285,9 +285,9 @@ def _grown(seed: _Seed, point: SpecialPoint, name: str, value: float) -> Closed:
             reached = seed.problem.parameters[name]
             raise ConvergenceError(
                 f"the cycle of {seed.problem.system.name} at {name} = {value:.9g}",
-                f"the family could be followed from the Hopf point only to {name} = "
+                f"the family could be continued from the Hopf point only to {name} = "
                 f"{reached:.9g} ({failure})",
-                "Follow the branch with continue_cycle",
+                "Continue the branch with continue_cycle",
             ) from None
         seed = replace(
             seed,

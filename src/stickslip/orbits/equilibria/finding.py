@@ -500,7 +500,7 @@ class _Search:
             ):
                 return
             modes = modes_text(named_modes(self.contacts, mode, self.eq.turned(region)))
-            self.undecided.append(f"sets with {modes} were followed from interior points only")
+            self.undecided.append(f"sets with {modes} were continued from interior points only")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
         followed = () if exact else (Residual("parts not examined", 1.0, 0.0),)

@@ -49,7 +49,7 @@ class NotClosed(ConvergenceError):
             f"a cycle of {shooting.problem.system.name}",
             f"Newton's method did not converge; the closest motion fails to close by {miss:.2g} "
             f"of its size after the period {orbit.period:.6g}, from {orbit.start}",
-            "Choose a start closer to the cycle, or a motion that has settled",
+            "Choose a start closer to the cycle, or a motion that has converged",
         )
 
 

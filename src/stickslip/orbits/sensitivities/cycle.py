@@ -94,7 +94,7 @@ def cycle_sensitivity(
         raise DeclarationError(
             "sensitivity",
             "the cycle is not differentiable: events coincide, or a guard is touched tangentially",
-            "Change a parameter slightly, or follow the branch, which reports such special points",
+            "Change a parameter slightly, or use continue_cycle, which reports such special points",
         )
     system = cycle.system
     coordinates = {

@@ -69,12 +69,12 @@ MEASURED = (*ATTRACTORS, *UNSETTLED)
 
 @dataclass(frozen=True)
 class Settings:
-    """Criteria for settled motions, and the accuracy of motions.
+    """Criteria of convergence, and the accuracy of motions.
 
     Attributes
     ----------
     tolerance : float
-        A motion has settled when its distance from the cycle or equilibrium, relative to its size,
+        A motion has converged if its distance from the cycle or equilibrium, relative to its size,
         is below this tolerance. Cycles are then refined by Newton's method, so that errors of
         measures are usually much smaller. It is also the limit of the residuals of certified
         points, or 10 rtol if that is larger.

@@ -1,4 +1,4 @@
-"""Backbones: frequency and damping of a mode over its amplitude, with exact dry friction.
+"""Backbones: frequency and damping of a mode against its amplitude, with exact dry friction.
 
 A decaying motion has no period. The extended periodic motion concept adds self-excitation
 proportional to the mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and determines the ξ for which there is a
@@ -64,7 +64,7 @@ _SMALLER, _MOST_SMALLER = 0.25, 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Backbone(Result):
-    """Frequency and damping of a mode over its amplitude.
+    """Frequency and damping of a mode as functions of its amplitude.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class Backbone(Result):
 
         ends = [f"{said('frequency', i)} at {said('amplitude', i)}" for i in (0, -1)]
         return [
-            ("backbone", f"of mode {self.mode} over the amplitude of {self.coordinate}"),
+            ("backbone", f"of mode {self.mode} against the amplitude of {self.coordinate}"),
             ("linear frequency", with_unit(self.linear_frequency, units["frequency"], 9)),
             ("frequency", ", ".join(ends)),
             ("largest damping", f"{float(self.damping[top]):.6g} at {said('amplitude', top)}"),
@@ -189,7 +189,7 @@ class Backbone(Result):
 
     @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Plot the frequency over the amplitude with the damping below, or other quantities.
+        """Plot the frequency against the amplitude with the damping below, or other quantities.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class Backbone(Result):
         return plot_backbone(self, list(quantities) or None, ax=ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the frequency over the amplitude with the damping below."""
+        """Plot the frequency against the amplitude with the damping below."""
         return self.plot(ax=ax)
 
 
@@ -223,8 +223,8 @@ def backbone(
     points: int = 30,
     time_limit: float | None = None,
 ) -> Backbone:
-    """Compute frequency and damping of a mode over its amplitude, by the extended periodic motion
-    concept.
+    """Compute frequency and damping of a mode as functions of its amplitude, by the extended
+    periodic motion concept.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def backbone(
         of freedom.
     mode : int
         Number of the linear mode to start from; 1 is the lowest. For the linear mode, sliders
-        behind springs stick, and contacts of coordinates with mass are omitted.
+        in series with springs stick, and contacts of coordinates with mass are omitted.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     points : int
@@ -259,7 +259,8 @@ def backbone(
     DeclarationError
         If an argument is wrong, the system depends on time, the state jumps, the mass matrix is
         not constant, small oscillations of the mode do not change the quantity, or the mode is
-        overdamped at all amplitudes. Amplitudes at which it is are noted.
+        overdamped at all amplitudes. If it is overdamped at some amplitudes only, the notes list
+        these.
     ConvergenceError
         If no cycle is found at any amplitude.
 

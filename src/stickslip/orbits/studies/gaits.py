@@ -1,4 +1,5 @@
-"""Studies of gaits: the speed over a parameter, and the thresholds of walking and of sliding."""
+"""Studies of gaits: the speed as a function of a parameter, and the thresholds of walking and of
+sliding."""
 
 from __future__ import annotations
 
@@ -63,7 +64,7 @@ class Threshold:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitStudy(Result):
-    """Stable gaits of a system over a parameter.
+    """Stable gaits of a system as a parameter varies.
 
     Attributes
     ----------
@@ -134,7 +135,7 @@ class GaitStudy(Result):
         return [("gait", self._walking_range), ("speed", f"{low} to {high}")]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot speed and period over the parameter; only the speed if axes are given."""
+        """Plot speed and period against the parameter; only the speed if axes are given."""
         return self.plot("speed", ax=ax) if ax is not None else self.plot("speed", "period")
 
 
@@ -148,7 +149,7 @@ def gait_study(
     parameters: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> GaitStudy:
-    """Stable gaits of a system over a parameter.
+    """Stable gaits of a system as a parameter varies.
 
     Parameters
     ----------

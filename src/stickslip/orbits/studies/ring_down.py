@@ -68,7 +68,7 @@ class RingDown(Result):
         belong to the geometric mean ``damping_amplitude`` of both amplitudes; these three are NaN
         in the last half-cycle. Over ``turn``: ``turn_time``, ``turn_position``, ``turn_rest`` (how
         long the coordinate rests there), ``turn_energy``. Over ``sample``: ``sample_time`` and
-        ``sample_position``, the motion for pictures.
+        ``sample_position``, the motion for plots.
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
@@ -179,8 +179,8 @@ class RingDown(Result):
         return [*rows, *shortened([("note", note) for note in self.notes])]
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Plot the motion with its envelope, and frequency and damping over the amplitude; only the
-        motion if axes are given."""
+        """Plot the motion with its envelope, and frequency and damping against the amplitude; only
+        the motion if axes are given."""
         from stickslip.figures.ring_down import plot_ring_down
 
         return plot_ring_down(self, ax=ax)

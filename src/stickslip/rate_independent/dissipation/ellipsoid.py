@@ -38,7 +38,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
     shape : array of shape (n, n), callable s -> array of shape (n, n), or nested lists of formulas
         in ``s``
         S, symmetric and positive semidefinite: the eigenvectors are the axes, the eigenvalues their
-        half lengths squared. Along an axis of length 0 friction vanishes.
+        semi-axes squared. Along an axis of length 0 friction vanishes.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         return self.matrix.varies
 
     def root_at(self, s: float = 0.0) -> Array:
-        """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the half axes, without
+        """R of shape (n, r) and full rank with S = R Rᵀ: its columns are the semi-axes, without
         those of length 0.
 
         Axes shorter than about 1e-8 of the longest are below the rounding errors of S and have

@@ -37,7 +37,7 @@ def load_evolution(path: str | PathLike[str]) -> EvolutionModel:
     Parameters
     ----------
     path : str or path
-        A model file, TOML.
+        A model file in TOML.
 
     Raises
     ------

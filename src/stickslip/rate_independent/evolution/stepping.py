@@ -141,7 +141,7 @@ class March:
         sets = problem.sets(times) if problem.dissipation.depends_on_phase else start.sets
         states, effort = self.solver.advance(start.z, loads, sets)
         if len(states) < len(times):
-            raise StickslipError("the solver gave up")
+            raise StickslipError("the solver did not converge")
         return measure_steps(
             problem, start, times, states, effort, loads, sets, self.weight, _SHARE * self.tolerance
         )

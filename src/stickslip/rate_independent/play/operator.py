@@ -294,7 +294,7 @@ class Play(Result):
         Raises
         ------
         DeclarationError
-            If a time is outside the span, or `side` is neither.
+            If a time is outside the span, or `side` is invalid.
         """
         times, k = self.intervals(t, side)
         values = self._values(times, k)

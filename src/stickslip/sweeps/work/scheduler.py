@@ -347,5 +347,5 @@ def _worker_died(error: Exception) -> bool:
 def _fatal(error: Exception) -> StickslipError:
     reason = " ".join(str(error).split()) or type(error).__name__
     return StickslipError(
-        f"workers died {_CHANCES} times at the same chunk ({reason}). Give them more memory"
+        f"workers died {_CHANCES} times on the same chunk ({reason}). Give them more memory"
     )

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ellipe, ellipk
 
-from .case import Rng
+from ..case import Rng
 from .mechanics import Array
 from .smoothed import Smooth
 

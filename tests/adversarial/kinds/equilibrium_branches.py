@@ -19,11 +19,11 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 
-from .case import declaration, given, log_uniform, pick
-from .mechanics import Array
+from ..case import declaration, given, log_uniform, pick
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 from .motions import without_numbers
-from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 
 FAMILIES = ("load", "load on a spring with a kink", "speed of the belt")
 FAR = 12.0  # where x ends

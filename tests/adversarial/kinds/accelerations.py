@@ -19,12 +19,11 @@ from scipy.linalg import null_space
 
 import stickslip as ss
 
-from .families.leaving import FAMILIES, Instant, names
-from .mechanics import Array
-from .motions import without_numbers
-from .pieces import NoAnswer
-from .registry import in_turn
-from .verdict import (
+from ..families.leaving import FAMILIES, Instant, names
+from ..references.mechanics import Array
+from ..references.pieces import NoAnswer
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -34,6 +33,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

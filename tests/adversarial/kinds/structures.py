@@ -1,4 +1,4 @@
-"""Structures with dry contacts: the library against :mod:`.linear`."""
+"""Structures with dry contacts: the library against :mod:`..references.linear`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import numpy as np
 
 import stickslip as ss
 
-from .families.structures import FAMILIES, Structural
-from .linear import Body, Motion, follow
-from .mechanics import Array
-from .motions import without_numbers
-from .pieces import NoAnswer
-from .registry import in_turn
-from .verdict import (
+from ..families.structures import FAMILIES, Structural
+from ..references.linear import Body, Motion, follow
+from ..references.mechanics import Array
+from ..references.pieces import NoAnswer
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -27,6 +26,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

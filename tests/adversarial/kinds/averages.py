@@ -17,8 +17,8 @@ from scipy.optimize import linprog, minimize_scalar
 
 import stickslip as ss
 
-from .case import pick
-from .curves import (
+from ..case import pick
+from ..families.curves import (
     Array,
     Curve,
     Rng,
@@ -31,8 +31,8 @@ from .curves import (
     wave,
     with_a_well,
 )
-from .registry import in_turn
-from .verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
+from ..registry import in_turn
+from ..verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 
 DIRECTIONS = 2
 ANGLES = 256

@@ -17,15 +17,14 @@ import numpy as np
 
 import stickslip as ss
 
-from .case import declaration
-from .event_driven import integrate
-from .families.repeating import FAMILIES, Repeating
-from .mechanics import Array
-from .motions import compare, instants, without_numbers
-from .pieces import NoAnswer
-from .registry import in_turn
-from .settling import OWN, Settled, settle
-from .verdict import (
+from ..case import declaration
+from ..families.repeating import FAMILIES, Repeating
+from ..references.event_driven import integrate
+from ..references.mechanics import Array
+from ..references.pieces import NoAnswer
+from ..references.settling import OWN, Settled, settle
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -35,6 +34,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import compare, instants, without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

@@ -1,4 +1,4 @@
-"""Motions with contacts that open: the library against :mod:`.bouncing`."""
+"""Motions with contacts that open: the library against :mod:`..references.bouncing`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import numpy as np
 
 import stickslip as ss
 
-from .bouncing import Bodies, Path, follow
-from .families import openings
-from .families.openings import FAMILIES
-from .mechanics import Array
-from .motions import without_numbers
-from .registry import in_turn
-from .verdict import (
+from ..families import openings
+from ..families.openings import FAMILIES
+from ..references.bouncing import Bodies, Path, follow
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -25,6 +24,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

@@ -1,5 +1,5 @@
 """Contacts in a plane and faces whose dissipation is a formula: the library against
-:mod:`.smoothed`, and against the law itself."""
+:mod:`..references.smoothed`, and against the law itself."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 import stickslip as ss
 
-from .directed import Directed
-from .families.dissipations import FAMILIES, Rubbed
-from .mechanics import Array
+from ..families.dissipations import FAMILIES, Rubbed
+from ..references.directed import Directed
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import Verdict
 from .points import LAWFUL, LEAST, LONG, NONE, judged
-from .registry import in_turn
-from .verdict import Verdict
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

@@ -19,11 +19,11 @@ import numpy as np
 import stickslip as ss
 from stickslip.sweeps.request.user_measures import FormulaMeasure, read_measures
 
-from .case import declaration
+from ..case import declaration
+from ..families.texts import GRID, Rng, Text, drawn, same, settled
+from ..registry import in_turn
+from ..verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 from .motions import without_numbers
-from .registry import in_turn
-from .texts import GRID, Rng, Text, drawn, same, settled
-from .verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 
 PARAMETERS = ("p", "q", "r")
 STATE = ("x", "z", "a")

@@ -1,4 +1,4 @@
-"""Friction in a plane: the library against :mod:`.sliding`."""
+"""Friction in a plane: the library against :mod:`..references.sliding`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import numpy as np
 
 import stickslip as ss
 
-from .families.planes import FAMILIES, Slide
-from .mechanics import Array
-from .motions import phases, without_numbers
-from .pieces import NoAnswer
-from .registry import in_turn
-from .sliding import PLANE, TOLERANCE, Motion, motion
-from .verdict import (
+from ..families.planes import FAMILIES, Slide
+from ..references.mechanics import Array
+from ..references.pieces import NoAnswer
+from ..references.sliding import PLANE, TOLERANCE, Motion, motion
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -25,6 +24,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import phases, without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

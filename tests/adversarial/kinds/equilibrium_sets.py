@@ -20,10 +20,10 @@ from scipy.optimize import brentq, minimize, minimize_scalar
 
 import stickslip as ss
 
-from .case import Rng, declaration, pick
-from .mechanics import Array
-from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
+from ..case import Rng, declaration, pick
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 
 CLOSE = 1e-8  # of ends, relative to the size of the set and where it is
 CLOSE_IN_PLANE = 1e-7  # the same of ends that are optima

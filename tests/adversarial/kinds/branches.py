@@ -21,14 +21,13 @@ from scipy.optimize import minimize_scalar
 
 import stickslip as ss
 
-from .case import declaration
-from .event_driven import Phase, Run, integrate
-from .families.branching import FAMILIES, Branching
-from .mechanics import Array, Mechanics, pair
-from .motions import without_numbers
-from .pieces import NoAnswer, Piece
-from .registry import in_turn
-from .verdict import (
+from ..case import declaration
+from ..families.branching import FAMILIES, Branching
+from ..references.event_driven import Phase, Run, integrate
+from ..references.mechanics import Array, Mechanics, pair
+from ..references.pieces import NoAnswer, Piece
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -38,6 +37,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from ..families.repeating import Repeating
+from ..verdict import OutOfTime, at_most
 from .event_driven import Run
-from .families.repeating import Repeating
 from .mechanics import Array
 from .pieces import NoAnswer
-from .verdict import OutOfTime, at_most
 
 RTOL = 1e-9
 # steps in the mechanics' own: what settles need not be exact, but long steps may miss a guard

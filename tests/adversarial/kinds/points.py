@@ -1,4 +1,5 @@
-"""Bodies on several points: the library against :mod:`.smoothed`, and against the law itself."""
+"""Bodies on several points: the library against :mod:`..references.smoothed`, and against the law
+itself."""
 
 from __future__ import annotations
 
@@ -9,13 +10,12 @@ import numpy as np
 
 import stickslip as ss
 
-from .families.dissipations import Rubbed
-from .families.points import FAMILIES, Carried
-from .mechanics import Array
-from .motions import without_numbers
-from .registry import in_turn
-from .smoothed import FINE, LAWS, WIDTHS, Limit, limit, smoothed
-from .verdict import (
+from ..families.dissipations import Rubbed
+from ..families.points import FAMILIES, Carried
+from ..references.mechanics import Array
+from ..references.smoothed import FINE, LAWS, WIDTHS, Limit, limit, smoothed
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,
@@ -25,6 +25,7 @@ from .verdict import (
     Verdict,
     at_most,
 )
+from .motions import without_numbers
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 

@@ -22,8 +22,8 @@ import numpy as np
 
 import stickslip as ss
 
-from .registry import in_turn
-from .verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict
+from ..registry import in_turn
+from ..verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict
 
 STORE = "store of a map"
 RESUMED = "resumed map"

@@ -18,10 +18,10 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 
-from .case import Rng, given, log_uniform, pick
-from .mechanics import Array
-from .registry import in_turn
-from .verdict import (
+from ..case import Rng, given, log_uniform, pick
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,

@@ -1,5 +1,5 @@
 """Maps: random points, against motions that are followed until they repeat themselves
-(:mod:`.brute`).
+(:mod:`..references.brute`).
 
 A point of a map does not depend on its company, so a case is one point: parameters and an initial
 state. What the library certifies (rest, steady sliding, a cycle with its least period and its
@@ -21,12 +21,22 @@ import numpy as np
 import stickslip as ss
 from stickslip import Contact, Inertial, System
 
-from .brute import CONSTANT, EXPONENTIAL, MASSES, RATIONAL, SLIDER, TOY, Brute, Settled, settle
-from .case import Rng, given, log_uniform
-from .families.repeating import FAMILIES as REPEATING
-from .mechanics import Array
-from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict
+from ..case import Rng, given, log_uniform
+from ..families.repeating import FAMILIES as REPEATING
+from ..references.brute import (
+    CONSTANT,
+    EXPONENTIAL,
+    MASSES,
+    RATIONAL,
+    SLIDER,
+    TOY,
+    Brute,
+    Settled,
+    settle,
+)
+from ..references.mechanics import Array
+from ..registry import in_turn
+from ..verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdict
 
 MEASURES = ("period", "amplitude", "stick_fraction", "energy_per_cycle")
 STEPS = 500  # of the reference, in the period of the fastest swing

@@ -16,11 +16,11 @@ import numpy as np
 
 import stickslip as ss
 
-from .case import pick
-from .curves import CLOSER, Curve, Rng, constant, wave, well, with_a_well
-from .quasistatic import Array, follow, play
-from .registry import in_turn
-from .verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
+from ..case import pick
+from ..families.curves import CLOSER, Curve, Rng, constant, wave, well, with_a_well
+from ..references.quasistatic import Array, follow, play
+from ..registry import in_turn
+from ..verdict import AGREED, NOT_CERTIFIED, REFUSED, WRONG, Verdict, at_most
 
 STEPS = 2000  # of the reference of evolutions
 FINE = 20_000  # … and of plays

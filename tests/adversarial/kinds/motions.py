@@ -9,13 +9,13 @@ import numpy as np
 
 import stickslip as ss
 
-from . import families  # noqa: F401  (registers them)
-from .case import FAMILIES, Case, draw
-from .event_driven import Motion, integrate
-from .mechanics import TIME, Array
-from .pieces import NoAnswer
-from .registry import in_turn
-from .verdict import (
+from .. import families  # noqa: F401  (registers them)
+from ..case import FAMILIES, Case, draw
+from ..references.event_driven import Motion, integrate
+from ..references.mechanics import TIME, Array
+from ..references.pieces import NoAnswer
+from ..registry import in_turn
+from ..verdict import (
     AGREED,
     NO_REFERENCE,
     NOT_CERTIFIED,

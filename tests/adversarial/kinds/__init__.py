@@ -1,0 +1,1 @@
+"""Kinds of cases: each draws cases, computes them twice and compares."""

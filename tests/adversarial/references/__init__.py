@@ -1,0 +1,1 @@
+"""Reference computations, which share no code with the library."""
