@@ -23,6 +23,7 @@ SECTION = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 SAYS_MORE = re.compile(r"shape|optional|\bunits?\b")
+COMPOUND = re.compile(r"([A-Z][a-z]+){2,}(?<!Error)")  # exceptions are named in sentences
 SEEN_BY_USERS = ("stickslip.certificates", "stickslip.results")  # although they are not exported
 # what a result or a system shows of itself when it is asked
 PICTURES = ("stickslip.figures", "stickslip.display", "stickslip.orbits.sensitivities")
@@ -249,6 +250,41 @@ def test_docstrings_do_not_repeat_annotations() -> None:
     for name, path in MODULES.items():
         if name not in SEEN_BY_USERS and not name.startswith("stickslip.catalogue"):
             assert repeated(ast.parse(path.read_text(encoding="utf-8")), name, public) == [], name
+
+
+def compound_names(module: ast.Module) -> set[str]:
+    """Classes and aliases of a module whose names consist of several words."""
+    nodes = list(ast.walk(module))
+    found = {node.name for node in nodes if isinstance(node, ast.ClassDef)}
+    targets = [node.targets[0] for node in nodes if isinstance(node, ast.Assign)]
+    found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return {name for name in found if COMPOUND.fullmatch(name)}
+
+
+def class_names_in_sentences(module: ast.Module, names: Set[str]) -> list[str]:
+    """Lines of docstrings in which one of the names precedes a word without being marked as code;
+    names in the heads of entries are types."""
+    word = re.compile(rf"(?<![\w.`:\"~])({'|'.join(sorted(names))})(?= [a-z])")
+    return [
+        line.strip()
+        for node in ast.walk(module)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        for line in (ast.get_docstring(node) or "").splitlines()
+        if " : " not in line and word.search(line)
+    ]
+
+
+def test_class_names_are_not_words_of_sentences() -> None:
+    """Such a word has usually been changed by the renaming of a class: "FreeRange of the phase"."""
+    modules = {n: ast.parse(path.read_text(encoding="utf-8")) for n, path in MODULES.items()}
+    names = set[str]().union(*map(compound_names, modules.values()))
+    assert len(names) > 100
+    for name, module in modules.items():
+        assert class_names_in_sentences(module, names) == [], name
+    sentence = ast.parse('"FreeRange of the phase; a ``FreeRange`` is\\nnot a word."')
+    assert class_names_in_sentences(sentence, {"FreeRange"}) == [
+        "FreeRange of the phase; a ``FreeRange`` is"
+    ]
 
 
 def test_what_docstrings_lack_and_repeat_is_found() -> None:

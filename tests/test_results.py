@@ -187,6 +187,12 @@ def test_is_written_as_a_table(name: str, tmp_path: Path) -> None:
         ss.export(result, tmp_path / "one.csv", "nonsense")
 
 
+def test_a_list_of_quantities_is_not_plotted(name: str) -> None:
+    result: Any = made(name)
+    with pytest.raises(ss.DeclarationError, match="quantities: expected a string, got"):
+        result.plot([QUANTITY[name]])
+
+
 def test_goes_to_another_process(name: str) -> None:
     """As it is, or with what it is measured of left behind."""
     result: Any = made(name)

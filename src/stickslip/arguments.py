@@ -1,8 +1,7 @@
 """Checks of the arguments of public functions against their annotations.
 
-The annotation is what a function says of an argument, so it is what is asked of one:
-``rtol: float`` is a number, ``system: System`` a system. Ranges, names and whatever else is special
-to a function it checks itself.
+An argument annotated ``rtol: float`` must be a number, ``system: System`` a system. Ranges, names,
+and other conditions of a single function are checked by this function.
 """
 
 from __future__ import annotations
@@ -102,6 +101,20 @@ def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> No
     said = [kind for kind in kinds if kind is not _KINDS["None"]] or list(kinds)
     expected = " or ".join(dict.fromkeys(kind.name for kind in said))
     raise DeclarationError(name, f"expected {expected}, got {argument_said(value)}", said[0].remedy)
+
+
+def check_tolerances(**given: float) -> None:
+    """Reject tolerances that are not positive and finite.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    for name, value in given.items():
+        if not (is_real(value) and 0.0 < value < math.inf):
+            raise DeclarationError(
+                name, f"{value!r} is not a tolerance", "Give a small positive number"
+            )
 
 
 def argument_said(value: Any) -> str:
@@ -212,9 +225,7 @@ _KINDS = {
     "float": ArgumentKind("a number", "Give a number, like 0.5", is_real),
     "int": ArgumentKind("an integer", "Give an integer, like 40", _is_whole),
     "bool": ArgumentKind("True or False", "Use True or False", _is_truth),
-    "str": ArgumentKind(
-        "a string", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)
-    ),
+    "str": ArgumentKind("a string", 'Write it in quotes, like "x"', _is_text),
     "Path": _PATH,
     "PathLike[str]": _PATH,
     "tuple[float, float]": ArgumentKind(

@@ -293,6 +293,7 @@ class Result:
         rows = (ended, *said.rows(), *certificate_rows(certificate))
         return Summary(said.title, rows, data, outcome.ok and certificate.ok)
 
+    @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
         """Plot the result.
 

@@ -234,5 +234,5 @@ def test_outcomes_and_interpolated_points() -> None:
 
 def test_four_axes_have_no_picture() -> None:
     over = {"P": "1:2:2", "delta": "0.1:0.2:2", "psi": "0:1:2", "rho": "0.1:0.2:2"}
-    with pytest.raises(DeclarationError, match="cannot be drawn"):
+    with pytest.raises(DeclarationError, match="cannot be plotted"):
         plot_sweep(sweep(TOY, over, ["speed"]).dataset)

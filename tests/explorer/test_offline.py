@@ -80,7 +80,7 @@ def test_the_command_writes_a_page(tmp_path: Path) -> None:
         (["belt_block", "--export", "page.pdf"], "--export: 'page.pdf' does not end in .html"),
         (["belt_block", "--export", "gone/page.html"], "there is no folder gone"),
         (["belt_blok", "--export", "page.html"], "Did you mean 'belt_block'?"),
-        (["--export", "page.html"], "no system was named"),
+        (["--export", "page.html"], "the system is missing"),
         (["belt_block", "--over", "V"], "--over: only exported pages"),
         (["belt_block", "--export", "page.html", "--port", "5"], "needs no server"),
         (["own?toml=abc", "--export", "page.html"], "the URL contains a model"),

@@ -192,6 +192,8 @@ def test_what_is_no_window_is_refused() -> None:
             motion.plot(t=window)
     with pytest.raises(ss.DeclarationError, match="coordinates: unknown quantity 'y'"):
         motion.plot(coordinates=["y"])
+    with pytest.raises(ss.DeclarationError, match="coordinates: the list is empty"):
+        motion.plot(coordinates=[])
 
 
 def test_a_long_motion_is_an_envelope() -> None:

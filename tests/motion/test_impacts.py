@@ -459,7 +459,7 @@ def test_several_forces_press() -> None:
         assert found.certificate.ok
         moved = 0.0 if holds else 0.5 * (pull - friction) * 9.0
         assert found.final["z"] == pytest.approx(moved, rel=1e-9, abs=1e-15)
-    assert list(pressed.rubbing) == ["rub"]
+    assert list(pressed.frictional) == ["rub"]
 
 
 def test_a_constraint_that_does_not_hold() -> None:

@@ -429,7 +429,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: two.project([1, 2], metric=np.diag([1, -1])),
         r"metric: it is not positive definite",
     ),
-    "tolerance": (lambda: Ellipsoid(np.eye(2)).average(0.0), r"tolerance: 0.0 is not positive"),
+    "tolerance": (lambda: Ellipsoid(np.eye(2)).average(0.0), r"tolerance: 0.0 is not a tolerance"),
 }
 
 

@@ -24,7 +24,7 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.formulas import Scope, builtins
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import STRUCTURES, periodic_form, spelled, unwrapped
+from stickslip.symbolic.pieces import STRUCTURES, as_call, periodic_form, unwrapped
 
 X = ex.sym("x")
 SCOPE = Scope({name: ex.sym(name) for name in ("x", "y", "t", "w", "T")})
@@ -169,9 +169,9 @@ def test_texts_are_read_as_the_same_function(text: str, inside: str, around: str
 def test_they_keep_their_names() -> None:
     for text in ("floor(x/T)", "square(w*t)", "triangle(w*t - y)", "smoothstep(x, 0, 1)"):
         assert ex.to_text(parse(text)).startswith(text[:5])
-        assert spelled(parse(text)) is not None
+        assert as_call(parse(text)) is not None
     assert ex.to_text(parse("mod(x, 1)")) == "mod(x, 1)"
-    assert spelled(parse("abs(x)")) is None
+    assert as_call(parse("abs(x)")) is None
     (guard,) = (e.args[0] for e in ex.walk([parse("floor(x)")]) if e.op == "select")
     assert unwrapped(guard) is ex.call("sin", math.pi * X)
 

@@ -1,7 +1,5 @@
-"""A dissipation as a formula: checked, with its derivatives and its kinks as expressions.
-
-The object that everything shares which is given a dissipation by a formula R(v): evolutions, which
-evaluate it, and contacts, whose equations are made of its expressions.
+"""A dissipation given by a formula R(v): checked, with its derivatives and its kinks as
+expressions. Evolutions evaluate it; the equations of contacts contain its expressions.
 """
 
 from __future__ import annotations
@@ -30,16 +28,16 @@ _DEGREE_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Kink:
-    """A set where a formula may have no derivative: some expressions are all zero.
+    """A set of zeros of some expressions, on which a formula may have no derivative.
 
     Attributes
     ----------
     zeros : tuple of Expr
-        Homogeneous, each with a gradient.
+        The expressions: homogeneous, each with a gradient.
     node : Expr
-        The part of the formula that has the kink: a choice, or a power that is not whole.
+        The part of the formula that has the kink: a select, or a power with a fractional exponent.
     inside : Expr
-        What may stand for that part where all are zero: the same there, and smooth.
+        A smooth expression that is equal to this part on the set.
     """
 
     zeros: tuple[Expr, ...]
@@ -61,9 +59,9 @@ class ConvexFormula:
     ranges : mapping of str to (float, float)
         All other names, with the values for which it was checked.
     homogeneous, convex, nonnegative : str
-        How each is known, in words; empty where it was only looked at.
+        How each property was proved, in words; empty if it was only checked at samples.
     looked_at : int
-        Number of directions in which it was looked at.
+        Number of directions that were sampled.
     """
 
     value: Expr
@@ -146,11 +144,11 @@ def convex_formula(
     symbol: str = "R",
     like: Expr | None = None,
 ) -> ConvexFormula:
-    """A formula that is checked to be a dissipation.
+    """Check that a formula is a dissipation.
 
-    What can be proved is: homogeneous by its form, convex by rules or by bounds of its second
-    derivatives in all directions, nonnegative by bounds. All of it is looked at besides, in many
-    directions.
+    Proofs are tried for all properties: homogeneous by its form, convex by rules or by bounds of
+    its second derivatives in all directions, nonnegative by bounds. In addition all properties are
+    checked in many directions.
 
     Parameters
     ----------
@@ -161,10 +159,10 @@ def convex_formula(
     where : str
         What an error is about.
     symbol : str
-        How messages call the formula.
+        Name of the formula in messages.
     like : Expr, optional
-        The formula with norms in place of functions that are known to be convex and nonnegative:
-        what its form proves is true of both.
+        The formula with norms in place of functions that are known to be convex and nonnegative.
+        Properties that follow from its form hold for both.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Dissipations of contacts in a plane and of faces: convex, with a gradient wherever v is not 0."""
+"""Dissipations of contacts in a plane and of faces: convex, with a gradient at every v ≠ 0."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_ANGLES = 1440  # samples of a circle, between which a jump of the gradient is searched for
-_ARCS = 12  # number of arcs that are refined
-_PLANES = 9  # additional circles besides those of pairs of axes, for three components
-_HALVINGS = 44
-_JUMP = 1e-6  # relative change of a gradient across an arc as narrow as rounding allows
-_LARGEST = 1e150
-_FLAT = 1e-9  # width of the set of forces, relative to the largest
+_ANGLES = 1440  # directions on a circle; jumps of the gradient are searched for between them
+_ARCS = 12  # number of arcs of a circle that are bisected
+_PLANES = 9  # number of random circles for three components, besides those of pairs of axes
+_HALVINGS = 44  # of an arc of 2π/1440: its width is then a rounding error
+_JUMP = 1e-6  # relative change of the gradient across such an arc that counts as a jump
+_LARGEST = 1e150  # its square is finite
+_FLAT = 1e-9  # width of the set of forces that counts as zero, relative to the largest width
 
 
 def smooth_dissipation(
@@ -32,20 +32,20 @@ def smooth_dissipation(
     where: str,
     like: Expr | None = None,
 ) -> ConvexFormula:
-    """A formula that is checked to be the dissipation of a contact in a plane.
+    """Check that a formula is the dissipation of a contact in a plane or of a face.
 
-    A contact needs one force for each direction of slip, so kinks are refused; they are looked for
-    by bisection where the gradient changes most between 1,440 directions of a circle, of faces of
-    twelve circles.
+    The friction force must be unique for every direction of slip, so kinks are refused. They are
+    searched for by bisection between neighbouring directions with the largest changes of the
+    gradient, on one circle in a plane, and on twelve circles for a face.
 
     Parameters
     ----------
     names : tuple of str
         Components of the relative velocity.
     values : mapping of str to float
-        Parameters.
+        Values of the parameters.
     where : str
-        What an error is about.
+        Subject of error messages.
     like : Expr, optional
         As in :func:`convex_formula`.
 
@@ -53,7 +53,7 @@ def smooth_dissipation(
     ------
     DeclarationError
         If it is not a support function (:func:`convex_formula`), has a kink, or does not resist
-        slip along some direction.
+        slip along some line.
     """
     ranges = {x: (values[x], values[x]) for x in sorted(value.symbols - {*names})}
     found = convex_formula(value, names, ranges, where, like=like)
@@ -64,7 +64,7 @@ def smooth_dissipation(
 
 
 def _circles(n: int) -> list[Array]:
-    """Orthonormal pairs that span the planes in which directions are looked at, shape (2, n)."""
+    """Orthonormal bases, shape (2, n), of the planes in which directions are checked."""
     axes = np.eye(n)
     found = [axes[[i, j]] for i, j in combinations(range(n), 2)]
     rng = np.random.default_rng(0)
@@ -72,15 +72,13 @@ def _circles(n: int) -> list[Array]:
     return found + [np.linalg.qr(rng.normal(size=(n, 2)))[0].T for _ in range(others)]
 
 
-def _along(circle: Array, angles: Array) -> Array:
-    return np.cos(angles) * circle[0][:, None] + np.sin(angles) * circle[1][:, None]
-
-
 def _check_width(formula: ConvexFormula, others: list[float], where: str) -> None:
+    """Reject values that are too large, and a set of forces without extent in some direction: its
+    width R(v) + R(−v) is then 0."""
     angles = np.pi * np.arange(_ANGLES) / _ANGLES
     given = np.broadcast_to(np.array(others)[:, None], (len(others), _ANGLES))
-    for circle in _circles(formula.dimension):
-        v = _along(circle, angles)
+    for first, second in _circles(formula.dimension):
+        v = np.cos(angles) * first[:, None] + np.sin(angles) * second[:, None]
         width = formula.values([*v, *given])[0] + formula.values([*-v, *given])[0]
         if not width.max() < _LARGEST:
             raise DeclarationError(
@@ -98,38 +96,39 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
 
 
 def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> None:
+    """Reject a gradient that jumps: arcs across which it changes most are bisected; in the limit
+    only the change of a jump remains."""
     gradient = evaluator([*formula.gradient], [*formula.names, *formula.ranges])
     circles = np.array(_circles(formula.dimension))
-    # A start away from the directions in which a formula may have a kink by its form.
+    # Many formulas have kinks on the axes, which the offset of the angles avoids.
     angles = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES + 1) / _ANGLES
 
-    def slopes(own: Array, angle: Array) -> Array:
-        """∇R in directions of circles, shape (n, count)."""
-        v = np.cos(angle) * own[:, 0].T + np.sin(angle) * own[:, 1].T
+    def slopes(bases: Array, angle: Array) -> Array:
+        """∇R at angles on circles, shape (n, count)."""
+        v = np.cos(angle) * bases[:, 0].T + np.sin(angle) * bases[:, 1].T
         return gradient([*v, *(np.full(len(angle), x) for x in others)])
 
     every = np.repeat(circles, len(angles), axis=0)
     found = slopes(every, np.tile(angles, len(circles))).reshape(-1, len(circles), len(angles))
     changes = np.abs(np.diff(found, axis=2)).max(axis=0)
-    # A jump is among the largest changes.
     most = np.argsort(np.nan_to_num(changes, nan=np.inf), axis=1)[:, -_ARCS:]
     which, arc = np.repeat(np.arange(len(circles)), _ARCS), most.ravel()
-    own, low, high = circles[which], angles[arc], angles[arc + 1]
-    here, there = found[:, which, arc], found[:, which, arc + 1]
+    bases, low, high = circles[which], angles[arc], angles[arc + 1]
+    at_low, at_high = found[:, which, arc], found[:, which, arc + 1]
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        between = slopes(own, middle)
-        first = np.abs(between - here).max(axis=0) >= np.abs(there - between).max(axis=0)
+        between = slopes(bases, middle)
+        first = np.abs(between - at_low).max(axis=0) >= np.abs(at_high - between).max(axis=0)
         low, high = np.where(first, low, middle), np.where(first, middle, high)
-        here, there = np.where(first, here, between), np.where(first, between, there)
-    jump = np.abs(there - here).max(axis=0)
+        at_low, at_high = np.where(first, at_low, between), np.where(first, between, at_high)
+    jump = np.abs(at_high - at_low).max(axis=0)
     k = int(np.nan_to_num(jump, nan=np.inf).argmax())
-    if not jump[k] <= _JUMP * np.abs(here).max():
-        at = np.cos(low[k]) * own[k, 0] + np.sin(low[k]) * own[k, 1]
+    if not jump[k] <= _JUMP * np.abs(at_low).max():
+        at = np.cos(low[k]) * bases[k, 0] + np.sin(low[k]) * bases[k, 1]
         raise DeclarationError(
             where,
-            f"its gradient jumps at v = {_numbers(at)}, from {_numbers(here[:, k])} to "
-            f"{_numbers(there[:, k])}",
+            f"its gradient jumps at v = {_numbers(at)}, from {_numbers(at_low[:, k])} to "
+            f"{_numbers(at_high[:, k])}",
             "The force of a slip must be unique: use contacts along lines, or smooth the kink, "
             f"as sqrt({formula.names[0]}**2 + ...) does",
         )
@@ -139,26 +138,34 @@ def _numbers(v: Array) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
 
 
-def evened(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
-    """R′ and a diagonal matrix A with R(u) = R′(Au), such that the rate at which a face turns
-    dissipates like a velocity; of two components R itself."""
+def with_equal_widths(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
+    """Scale the rotation rate of a face to a velocity.
+
+    Returns
+    -------
+    ConvexFormula, tuple of Expr
+        R′ and the diagonal of a matrix A with R(u) = R′(Au), such that R′ has the same width along
+        the first and the last axis. For two components, R and ones.
+    """
     n = formula.dimension
     if n < 3:
         return formula, (ex.ONE,) * n
     zero = dict.fromkeys(formula.names, ex.ZERO)
 
     def width(name: str) -> Expr:
-        ways = (zero | {name: ex.num(side)} for side in (1.0, -1.0))
-        return ex.add(*((ex.substitute(formula.value, w, undefined=True), 0.5) for w in ways))
+        """The mean of R(e) and R(−e) with the unit vector e of an axis."""
+        units = (zero | {name: ex.num(side)} for side in (1.0, -1.0))
+        return ex.add(*((ex.substitute(formula.value, e, undefined=True), 0.5) for e in units))
 
-    turning = formula.names[-1]
-    axis = _chosen(width(turning) / width(formula.names[0]))
-    value = ex.substitute(formula.value, {turning: ex.sym(turning) / axis}, undefined=True)
+    rate = formula.names[-1]
+    axis = _without_branches(width(rate) / width(formula.names[0]))
+    value = ex.substitute(formula.value, {rate: ex.sym(rate) / axis}, undefined=True)
     return replace(formula, value=value), (ex.ONE,) * (n - 1) + (axis,)
 
 
-def _chosen(axis: Expr) -> Expr:
-    """An axis without choices: 1 where one is left that depends on parameters."""
+def _without_branches(axis: Expr) -> Expr:
+    """The expression with selects replaced by their branch if their guard is proved nonnegative; 1
+    if others remain. Any positive scale is valid."""
 
     def above(e: Expr) -> Expr | None:
         return e.args[1] if e.op == "select" and ex.never_negative(e.args[0]) else None
@@ -168,14 +175,16 @@ def _chosen(axis: Expr) -> Expr:
 
 
 class Slope(NamedTuple):
-    """R and ∇R as expressions of a direction.
+    """R and ∇R as expressions of a direction n.
 
     Attributes
     ----------
+    components : tuple of Expr
+        ∇R(n).
     pieces : tuple of (Expr, Expr)
-        Guards of its pieces: of a velocity, and the same of the direction.
+        Guards of the pieces of ∇R, as functions of the velocity and of the direction.
     value : Expr
-        R of the direction.
+        R(n).
     """
 
     components: tuple[Expr, ...]
@@ -186,32 +195,32 @@ class Slope(NamedTuple):
 def gradient_along(
     formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]
 ) -> Slope:
-    """∇R as expressions of a direction; which of its pieces counts is asked of a velocity along it,
-    which is part of the state.
+    """R and ∇R as expressions of a direction. Their pieces are selected by the velocity along the
+    direction, which is part of the state, so that their guards are guards of the motion.
 
     Parameters
     ----------
     direction, velocity : sequence of Expr
-        By component.
+        Components; the velocity is a positive multiple of the direction.
     """
     n = dict(zip(formula.names, direction, strict=True))
     u = dict(zip(formula.names, velocity, strict=True))
     pieces: dict[Expr, Expr] = {}
 
-    def placed(e: Expr) -> Expr | None:
+    def change(e: Expr) -> Expr | None:
         if e.op == "sym":
             return n.get(str(e.value))
         if e.op != "select" or not e.args[0].symbols & n.keys():
             return None
         guard = ex.substitute(e.args[0], u)
-        asked = ex.select(guard, ex.ONE, ex.ZERO)  # as it is listed: perhaps with another sign
-        if asked.op == "select":
-            sign = 1.0 if asked.args[1] is ex.ONE else -1.0
-            pieces[asked.args[0]] = sign * ex.substitute(e.args[0], n)
-        above, below = (ex.rewrite(part, placed, undefined=True) for part in e.args[1:])
+        canonical = ex.select(guard, ex.ONE, ex.ZERO)  # its guard may have the opposite sign
+        if canonical.op == "select":
+            sign = 1.0 if canonical.args[1] is ex.ONE else -1.0
+            pieces[canonical.args[0]] = sign * ex.substitute(e.args[0], n)
+        above, below = (ex.rewrite(part, change, undefined=True) for part in e.args[1:])
         return ex.select(guard, above, below, strict=e.strict)
 
     value, *slopes = (
-        ex.rewrite(e, placed, undefined=True) for e in (formula.value, *formula.gradient)
+        ex.rewrite(e, change, undefined=True) for e in (formula.value, *formula.gradient)
     )
     return Slope((*slopes,), (*pieces.items(),), value)

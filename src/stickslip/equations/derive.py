@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from stickslip.equations.coupling import components, together
-from stickslip.equations.multiples import one_by_direction
+from stickslip.equations.multiples import group_multiples
 from stickslip.equations.planes import (
     Plane,
     component_of,
@@ -327,7 +327,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction), ""), 0))
     )
-    groups = one_by_direction(contacts, frozenset(d.parameters))
+    groups = group_multiples(contacts, frozenset(d.parameters))
     normals = {c.name: (i, _share(c, own)) for i, own in enumerate(groups) for c in own if c.opens}
     glued = [i for i, own in enumerate(groups) if own[0].opens and own[0].plus is not ex.ZERO]
     members = [tuple(_named(c, i, normals, glued) for c in own) for i, own in enumerate(groups)]

@@ -1,16 +1,15 @@
-"""Contacts along lines whose relative velocities are multiples of one another, and floors whose
-gaps are.
+"""Groups of contacts whose relative velocities, or gaps, are multiples of one another.
 
-Stick is a relative velocity that is zero, whichever force holds it: a brake on a shaft and one
-behind a gear, d_x and −2*d_x on surfaces that fit, come to rest together. As two contacts they
-would be one equation of stick too many. Two floors under one foot are closed while their gap is
-zero, whichever of them carries it.
+Contacts along lines whose relative velocities are multiples of one another, such as d_x and −2*d_x
+(a brake on a shaft and another one behind a gear), stick at the same time. Their equations of stick
+are linearly dependent, so they form one row of the equations of motion. Two floors under one foot
+likewise form one contact: they close at the same time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 
 from stickslip.errors import DeclarationError, short
@@ -23,61 +22,65 @@ from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_POINTS = 6
+_POINTS = 6  # number of points at which two formulas are compared
 
 
-def one_by_direction(
+def group_multiples(
     contacts: Sequence[DryContact], parameters: frozenset[str]
 ) -> list[list[DryContact]]:
-    """Contacts in groups whose relative velocities are multiples of that of the first of each;
-    those that open are together where their gaps are, by positive numbers, and rebound alike.
+    """Group contacts whose relative velocities are multiples of that of the first in the group, and
+    contacts that can open if their gaps are positive multiples and their restitution is the same.
 
-    Those that have no mass and no viscosity, or rub in a plane, are alone.
+    Contacts of rate-independent coordinates, contacts in a plane and sides of constraints are alone
+    in their group.
 
     Raises
     ------
     DeclarationError
-        If a factor between two of them has a pole whichever of them comes first, or the friction
-        of two of them rebounds differently.
+        If the factor between two contacts has a pole whichever of them comes first, or the friction
+        of two contacts has different tangential restitution.
     """
     normals = frozenset(c.name for c in contacts if c.opens)
     groups: list[list[DryContact]] = []
-    alike: dict[tuple[str, ...], list[list[DryContact]]] = {}
-    floors = list[list[DryContact]]()
+    similar: dict[Hashable, list[list[DryContact]]] = {}
     for c in contacts:
-        if c.opens and not c.side_of:
-            found = next((g for g in floors if _is_floor_of(c, g[0])), None)
-            if found is None:
-                floors.append([c])
-                groups.append(floors[-1])
-            else:
-                found.append(replace(c, ratio=_simplest(_gap(c), _gap(found[0]))))
-            continue
-        own = [c]
-        if not (c.opens or c.plane or c.kind == Kind.RATE_INDEPENDENT):
-            known = alike.setdefault(tuple(sorted(c.direction)), [])
-            if found := next((g for g in known if _is_multiple(c, g[0])), None):
-                found.append(c)
-                continue
-            known.append(own)
-        groups.append(own)
+        key = _key(c)
+        candidates = [] if key is None else similar.setdefault(key, [])
+        belongs = _has_multiple_gap if c.opens else _is_multiple
+        found = next((own for own in candidates if belongs(c, own[0])), None)
+        if found is None:
+            groups.append([c])
+            candidates.append(groups[-1])
+        else:
+            found.append(c)
     for i, own in enumerate(groups):
-        if len(own) > 1 and not own[0].opens:
+        if len(own) == 1:
+            continue
+        if own[0].opens:
+            ratios = [_simplest(_gap(c), _gap(own[0])) for c in own[1:]]
+            groups[i][1:] = [replace(c, ratio=r) for c, r in zip(own[1:], ratios, strict=True)]
+        else:
             first, *others = _from_first(own, parameters)
             groups[i] = [replace(first, restitution=_restitution(own, normals)), *others]
     return groups
+
+
+def _key(c: DryContact) -> Hashable | None:
+    """A property that all contacts of a group share; None if the contact is alone in its group."""
+    if c.opens:
+        return None if c.side_of else (_gap(c).symbols, c.restitution)
+    alone = c.plane or c.kind == Kind.RATE_INDEPENDENT
+    return None if alone else frozenset(c.direction)
 
 
 def _gap(c: DryContact) -> Expr:
     return c.gap if c.gap is not None else ex.ZERO
 
 
-def _is_floor_of(c: DryContact, other: DryContact) -> bool:
-    """Whether a gap is that of another contact, or a positive multiple, and rebounds alike."""
-    if c.restitution is not other.restitution or _gap(other).symbols != _gap(c).symbols:
-        return False
+def _has_multiple_gap(c: DryContact, other: DryContact) -> bool:
+    """Whether a gap is a positive multiple of that of another contact, and neither has adhesion."""
     if c.plus is not ex.ZERO or other.plus is not ex.ZERO:
-        return False  # each has separate adhesion
+        return False
     ratio = _simplest(_gap(c), _gap(other))
     return ratio.op == "num" and ex.number(ratio) > 0.0
 
@@ -87,18 +90,21 @@ def _is_multiple(c: DryContact, other: DryContact) -> bool:
     if c.direction == other.direction and c.speed is other.speed:
         return True
     if not c.direction:
-        return False  # between motions that are given
+        return False  # both sides move as prescribed
     (x, *others) = c.direction
-    own, its = c.direction[x], other.direction[x]
+    first, first_other = c.direction[x], other.direction[x]
     pairs = [(c.direction[y], other.direction[y]) for y in others] + [(c.speed, other.speed)]
-    return all(_equal(a * its, own * b) for a, b in pairs)
+    # The vectors are parallel if all minors with their first components vanish.
+    return all(_equal(a * first_other, first * b) for a, b in pairs)
 
 
 def _from_first(own: list[DryContact], parameters: frozenset[str]) -> list[DryContact]:
-    """A group with its ratios, and with a contact first of which all others are multiples."""
+    """Order a group such that all contacts are multiples of the first one, and set their ratios."""
     if not own[0].direction:
         return own
     x = next(iter(own[0].direction))
+    # A ratio should have no pole at all; if there is none, its divisor may contain parameters only,
+    # which do not change during a motion.
     for held in (frozenset[str](), parameters):
         for first in own:
             ratios = [_simplest(c.direction[x], first.direction[x]) for c in own]
@@ -128,34 +134,34 @@ def _restitution(own: list[DryContact], normals: frozenset[str]) -> Expr:
 
 
 def _simplest(a: Expr, b: Expr) -> Expr:
-    """The quotient a/b, as a number if it is one."""
-    found = a / b
-    if found.op == "num":
-        return found
-    values = [v for v in map(_value(found), _points(found)) if math.isfinite(v)]
-    constant = ex.num(values[0]) if values else ex.ZERO
-    return constant if values and _equal(a, constant * b) else found
+    """The quotient a/b; a number if the quotient is constant."""
+    quotient = a / b
+    if quotient.op == "num":
+        return quotient
+    values = (ex.evaluate(quotient, point) for point in _points(quotient))
+    value = next(filter(math.isfinite, values), None)
+    return ex.num(value) if value is not None and _equal(a, value * b) else quotient
 
 
 def _equal(a: Expr, b: Expr) -> bool:
-    """Whether two expressions are the same but for rounding errors of their numbers.
+    """Whether two expressions are equal up to rounding errors of their numbers.
 
-    What has kinks, or is sampled, has to be the same in form; other formulas that agree in some
-    points of both signs agree everywhere.
+    Expressions with kinks or samples must have the same form. The others are analytic and are
+    compared at a few points of both signs: if they differ, they agree there only by coincidence.
     """
-    off = ex.add((a, 1.0), (b, -1.0))
-    if off is ex.ZERO:
+    difference = ex.add((a, 1.0), (b, -1.0))
+    if difference is ex.ZERO:
         return True
-    if any(e.op == "select" or _is_sampled(e) for e in ex.walk([off])):
+    if any(e.op == "select" or _is_sampled(e) for e in ex.walk([difference])):
         return False
-    compared = 0
+    compared = False
     for point in _points(a, b):
-        pair = [_value(e)(point) for e in (a, b)]
-        if all(map(math.isfinite, pair)):
-            compared += 1
-            if abs(pair[0] - pair[1]) > COMPUTED_ZERO * max(map(abs, pair)):
+        left, right = ex.evaluate(a, point), ex.evaluate(b, point)
+        if math.isfinite(left) and math.isfinite(right):
+            compared = True
+            if abs(left - right) > COMPUTED_ZERO * max(abs(left), abs(right)):
                 return False
-    return compared > 0
+    return compared
 
 
 def _is_sampled(e: Expr) -> bool:
@@ -163,21 +169,20 @@ def _is_sampled(e: Expr) -> bool:
 
 
 def _points(*expressions: Expr) -> Iterator[dict[str, float]]:
-    """Places at which expressions are compared."""
+    """Points at which expressions are compared."""
     names = sorted({name for e in expressions for name in e.symbols})
-    for turn in range(1, _POINTS + 1):
-        sizes = (0.5 + (0.381966 * turn + 0.55455 * i) % 1.0 for i in range(len(names)))
-        signs = (-1.0 if turn > 2 and (turn * (i + 3) // 2) % 2 else 1.0 for i in range(len(names)))
+    for k in range(1, _POINTS + 1):
+        # Moduli between 0.5 and 1.5, spread by irrational steps (of the golden ratio from point to
+        # point). The first two points are positive, since formulas may be undefined elsewhere; the
+        # signs of the others vary with the name.
+        sizes = (0.5 + (0.381966 * k + 0.55455 * i) % 1.0 for i in range(len(names)))
+        signs = (-1.0 if k > 2 and (k * (i + 3) // 2) % 2 else 1.0 for i in range(len(names)))
         yield {n: s * v for n, s, v in zip(names, signs, sizes, strict=True)}
 
 
-def _value(e: Expr) -> Callable[[Mapping[str, float]], float]:
-    return lambda point: ex.evaluate(e, point)
-
-
 def _has_no_pole(e: Expr, held: frozenset[str]) -> bool:
-    """Whether an expression is proved not to divide by zero for any values of the names, except
-    those that are fixed."""
+    """Whether an expression is proved not to divide by zero for any values of its names. Divisors
+    that contain only the names `held` are not checked."""
     divisors = [
         base
         for node in ex.walk([e])

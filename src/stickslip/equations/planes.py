@@ -120,9 +120,9 @@ def planes_of(contacts: list[DryContact]) -> list[Plane]:
         pieces: tuple[tuple[Expr, Expr], ...] = ()
         unit = ex.ONE
         if c.dissipation is not None:
-            from stickslip.convex.smooth import evened, gradient_along
+            from stickslip.convex.smooth import gradient_along, with_equal_widths
 
-            formula, axes = evened(c.dissipation)
+            formula, axes = with_equal_widths(c.dissipation)
             u = [a * relative_velocity(contacts[p]) for a, p in zip(axes, parts, strict=True)]
             slopes, pieces, unit = gradient_along(formula, n, u)
             slope = tuple(a * e for a, e in zip(axes, slopes, strict=True))

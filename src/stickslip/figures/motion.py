@@ -148,16 +148,20 @@ class _Overview:
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
         """Plotted coordinates, internal variables and outputs."""
         known = [*self.inertial, *self.massless, *self.declaration.internal, *self.system.outputs]
-        for name in coordinates or ():
+        if coordinates is None:
+            return set(known)
+        if not len(coordinates):
+            raise DeclarationError("coordinates", "the list is empty", "Name at least one")
+        for name in coordinates:
             if name not in known:
                 raise DeclarationError(
                     "coordinates", f"unknown quantity '{short(str(name))}'", suggestion(name, known)
                 )
-        return set(known if coordinates is None else coordinates)
+        return set(coordinates)
 
     def has_friction(self, key: str) -> bool:
         """Return whether a contact has friction."""
-        return any(contact_key(name) == key for name in self.system.rubbing)
+        return any(contact_key(name) == key for name in self.system.frictional)
 
     def is_held(self, key: str) -> bool:
         """Return whether to plot the friction force of a contact: it is closed at some time."""

@@ -1,4 +1,4 @@
-"""Plots of maps: lines over one axis, maps over two (or a line for each value of a short one),
+"""Plots of maps: lines over one axis, maps over two axes (or a line for each value of a short one),
 small multiples over three, dots for samples."""
 
 from __future__ import annotations
@@ -61,21 +61,24 @@ from stickslip.sweeps.request.scales import ColourScale, colour_scale
 if TYPE_CHECKING:
     import xarray
 
-_WIDTH = 5.2  # inches of a map
-_HEIGHT = 4.2  # inches of a map
-_LETTERS = 9  # letters of a legend per inch
-_MULTIPLES = 6  # largest number of maps of a third axis
-_LEVELS = 6  # number of values of an axis up to which each has a line instead of a map
-_DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
+_WIDTH = 5.2  # width of a map in inches
+_HEIGHT = 4.2  # height of a map in inches
+_FEW_POINTS = 80  # number of points of a line up to which each one is marked
+_LETTERS = 9  # number of characters of a legend per inch
+_MULTIPLES = 6  # largest number of small multiples
+_LEVELS = 6  # number of values of an axis up to which lines are plotted instead of a map
+_DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # of sweeps up and down
+# Ends of a colour bar, if there are values below its range, and above it.
 _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
     (False, False): "neither",
     (True, False): "min",
     (False, True): "max",
     (True, True): "both",
-}  # whether there are values below the colours, and above them
-# colours of points without a value, by reason
+}
+# Colours of points without a value, one for each reason.
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 _MARKS = {Outcome.IRREGULAR: "X", Outcome.SLOW: "v", Outcome.NOT_SETTLED: "s"}  # on lines
+# Colours of outcomes that have no colour of their own.
 _OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY)
 
 
@@ -84,24 +87,25 @@ def plot_sweep(
 ) -> Figure:
     """Plot a map.
 
-    Points without a certificate are hatched (hollow, on a line); the legend names the failed
-    criterion, or irregular, slow, or unsettled motion. Grey points have no value of the measure;
-    the legend gives the reasons, one grey per reason. White points are not computed. The colour
-    scale starts at 0 for nonnegative measures, and is centred at 0 for measures of both signs.
+    Points without a certificate are hatched (on a line, hollow); the legend names the criterion
+    that failed, or the outcome: irregular, slow, or not settled. Points without a value of the
+    measure are grey; the legend gives the reason for each grey. White points were not computed. The
+    colour scale starts at 0 for nonnegative measures, and is centred at 0 for measures of both
+    signs.
 
     Parameters
     ----------
     data : xarray.Dataset
         Dataset of a :class:`stickslip.Map`, with one, two or three axes.
     measures : sequence of str, optional
-        Plotted measures; by default all. ``"outcome"`` is also accepted.
+        Measures to plot, or ``"outcome"``; by default all measures.
     ax : matplotlib.axes.Axes, optional
-        Draw the first measure of a map over one or two axes into these.
+        Axes for a map over one or two axes, of which only the first measure is plotted.
 
     Raises
     ------
     DeclarationError
-        If there is no such measure, or there are more than three axes.
+        If a measure is unknown, or there are more than three axes.
     """
     names = chosen_measures(data, measures)
     dimensions = list(data["outcome"].dims)
@@ -119,7 +123,7 @@ def plot_sweep(
     count = len(dimensions)
     raise DeclarationError(
         "plot",
-        f"a map over {count} axes cannot be drawn",
+        f"a map over {count} axes cannot be plotted",
         "Select values of some axes: data.sel(P=1)",
     )
 
@@ -128,7 +132,7 @@ def plot_sweep(
 
 
 def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
-    """Panels of lines; dots in a plane for samples of two or more names."""
+    """Panels of lines over the longest axis; dots for samples of two or more names."""
     along = _coordinates(data, _longest(data))
     if len(along) > 1 and data[along[0]].attrs.get("spacing") in SAMPLES:
         return _dots(data, names, along[:2])
@@ -147,16 +151,15 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
 
 
 def _longest(data: xarray.Dataset) -> str:
-    """The horizontal axis of line plots."""
+    """The horizontal axis of line plots: the dimension with the most values."""
     sizes = {str(d): data.sizes[d] for d in data["outcome"].dims if d != DIRECTION}
     return max(sizes, key=sizes.__getitem__) if sizes else DIRECTION
 
 
 def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
-    """Return whether the other axes are short enough for a line plot with a line for each of their
-    values.
+    """Return whether the second axis is short enough to plot a line for each of its values.
 
-    Samples and outcomes have no lines.
+    Samples and outcomes are not plotted as lines.
     """
     along = _longest(data)
     others = [d for d in data["outcome"].dims if d not in (along, DIRECTION)]
@@ -167,20 +170,20 @@ def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
 
 
 def _lines_of(data: xarray.Dataset) -> tuple[list[tuple[Any, dict[str, Any]]], list[Line2D]]:
-    """Lines over the longest axis with their styles, and legend entries: colours for levels, dashes
-    for a sweep down."""
+    """Parts of the data over the longest axis, with line styles, and legend entries. Values of the
+    second axis have different colours; a sweep down is dashed."""
     along = _longest(data)
     others = [str(d) for d in data["outcome"].dims if d not in (along, DIRECTION)]
-    twice = DIRECTION in data["outcome"].dims and along != DIRECTION
+    both_ways = DIRECTION in data["outcome"].dims and along != DIRECTION
     level = others[0] if others else None
     colours = [BLUE] if level is None else level_colours(data.sizes[level])
-    ways = data[DIRECTION].values.tolist() if twice else [1.0]
-    found = list[tuple[Any, dict[str, Any]]]()
+    directions = data[DIRECTION].values.tolist() if both_ways else [1.0]
+    parts = list[tuple[Any, dict[str, Any]]]()
     for i, colour in enumerate(colours):
-        for k, way in enumerate(ways):
-            part = data.isel({d: i for d in others} | ({DIRECTION: k} if twice else {}))
-            shade = VERMILION if level is None and way < 0.0 else colour
-            found.append((part, {"color": shade, "linestyle": _DASHES[way]}))
+        for k, direction in enumerate(directions):
+            part = data.isel({d: i for d in others} | ({DIRECTION: k} if both_ways else {}))
+            shade = VERMILION if level is None and direction < 0.0 else colour
+            parts.append((part, {"color": shade, "linestyle": _DASHES[direction]}))
     marks = list[Line2D]()
     if level is not None:
         name = _coordinates(data, level)[0]
@@ -188,12 +191,12 @@ def _lines_of(data: xarray.Dataset) -> tuple[list[tuple[Any, dict[str, Any]]], l
         for value, colour in zip(data[name].values.tolist(), colours, strict=True):
             text = f"{symbol} = {with_unit(value, axis_unit(data, name), 4)}"
             marks.append(Line2D([], [], color=colour, label=text))
-    if twice:
-        both = [STICK_LINE] * 2 if level is not None else [BLUE, VERMILION]
-        for (way, dashes), colour in zip(_DASHES.items(), both, strict=True):
-            text = "up" if way > 0.0 else "down"
+    if both_ways:
+        shades = [STICK_LINE] * 2 if level is not None else [BLUE, VERMILION]
+        for (direction, dashes), colour in zip(_DASHES.items(), shades, strict=True):
+            text = "up" if direction > 0.0 else "down"
             marks.append(Line2D([], [], color=colour, linestyle=dashes, label=text))
-    return found, marks
+    return parts, marks
 
 
 def _line(
@@ -205,24 +208,25 @@ def _line(
     color: str = BLUE,
     linestyle: Any = "-",
 ) -> None:
-    """Plot one measure over one axis; hollow: not certified, ticks below: without a value.
+    """Plot one measure over one axis. Points without a certificate are hollow, and points without a
+    value are marked by ticks at the bottom.
 
     Parameters
     ----------
     data : xarray.Dataset
-        With one axis.
+        A map over one axis.
     codes : sequence of int
-        Outcomes of points without a value, in the whole figure.
+        Outcomes of points without a value, in the complete figure.
     name, along : str
         The measure, and the horizontal axis.
     color, linestyle
-        Of the line.
+        Style of the line.
     """
     x = data[along].values
     order = np.argsort(x)
     computed = data["outcome"].values[order] >= 0
     scattered = data[along].attrs.get("spacing") in SAMPLES
-    marker = "." if len(x) <= 80 or scattered else ""
+    marker = "." if len(x) <= _FEW_POINTS or scattered else ""
     line = "none" if scattered else linestyle
     values = np.where(computed, data[name].values[order], np.nan)
     axes.plot(x[order], values, color=color, marker=marker, linestyle=line)
@@ -246,7 +250,7 @@ def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
 
 
 def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
-    """The first measure in given axes."""
+    """Plot the first measure into given axes."""
     if data["outcome"].ndim == 2 and not _over_levels(data, names):
         draw_map(axes, data, names[0])
         return
@@ -266,18 +270,19 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
 
 
 def _marker(hatch: str) -> str:
-    """The equivalent of hatched cells in line plots."""
+    """The marker in line plots that corresponds to a hatching of cells."""
     return next((_MARKS[kind] for kind, own in HATCHES.items() if own == hatch), "o")
 
 
-def _hollow(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
+def _hollow(data: xarray.Dataset, names: list[str], fill_colour: str) -> list[Line2D]:
     """Legend entries of points without a certificate."""
-    style: dict[str, Any] = {"linestyle": "none", "mfc": inside, "mec": VERMILION, "ms": 5}
+    style: dict[str, Any] = {"linestyle": "none", "mfc": fill_colour, "mec": VERMILION, "ms": 5}
     doubts = _doubts(data, names).items()
     return [Line2D([], [], marker=_marker(kind), label=text, **style) for kind, text in doubts]
 
 
 def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
+    """Panels of samples as dots in the plane of two names, coloured by the measure."""
     figure, panels = _panels(data, names)
     x, y = (data[name].values for name in along)
     computed = data["outcome"].values >= 0
@@ -285,7 +290,7 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
         shown = computed & np.isfinite(data[name].values)
         for colour, here in _gaps(data, _codes(data, names), name).items():
             axes.plot(x[here], y[here], ".", color=colour, ms=6)
-        size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
+        size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))  # area in points²: fewer dots are larger
         scale = colour_scale(name, data[name].values[shown], data[name].attrs)
         style: dict[str, Any] = {"cmap": COLOURS[scale.kind], "vmin": scale.low, "vmax": scale.high}
         dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, lw=0, **style)
@@ -308,6 +313,7 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
 
 
 def _maps(data: xarray.Dataset, names: list[str]) -> Figure:
+    """One panel for each measure."""
     figure, panels = _panels(data, names)
     for axes, name in zip(panels, names, strict=True):
         draw_map(axes, data, name)
@@ -316,23 +322,24 @@ def _maps(data: xarray.Dataset, names: list[str]) -> Figure:
 
 
 def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
-    """Plot small multiples of one measure: maps over two axes, for values of the shortest one."""
+    """Plot small multiples of the first measure: maps over two axes, for values of the shortest
+    axis."""
     third = str(min(data["outcome"].dims, key=lambda d: data.sizes[d]))
     count = data.sizes[third]
     picked = np.unique(np.linspace(0, count - 1, min(count, _MULTIPLES)).round().astype(int))
     name = names[0]
-    along = _coordinates(data, third)
+    along = _coordinates(data, third)[0]
     figure, panels = _panels(data, [name] * len(picked))
     scale = _scale_of(data, name) if name != "outcome" else None
     for axes, index in zip(panels, picked, strict=True):
         part = data.isel({third: int(index)})
         draw_map(axes, part, name, scale, bar=bool(index == picked[-1]))
-        unit = unit_label(axis_unit(data, along[0]))
-        value = float(part[along[0]])
+        value = float(part[along])
         if third == DIRECTION:
             axes.set_title("up" if value > 0.0 else "down")
         else:
-            axes.set_title(f"{axis_label(along[:1], '')} = {value:.4g} {unit}")
+            unit = unit_label(axis_unit(data, along))
+            axes.set_title(f"{axis_label([along], '')} = {value:.4g} {unit}")
     _legend(figure, data, [name])
     return figure
 
@@ -344,7 +351,7 @@ def draw_map(
     scale: ColourScale | None = None,
     bar: bool = True,
 ) -> None:
-    """Draw one measure of a map over two axes, hatched where it is not certified.
+    """Plot one measure of a map over two axes; cells without a certificate are hatched.
 
     Parameters
     ----------
@@ -353,25 +360,25 @@ def draw_map(
     name : str
         A measure or ``"outcome"``.
     scale : ColourScale, optional
-        Colour scale; by default that of the values.
+        Colour scale; by default derived from the values.
     bar : bool
         Whether to add a colour bar.
     """
     first, second = (_coordinates(data, str(d))[0] for d in data["outcome"].dims)
-    rows, columns = (np.argsort(data[n].values) for n in (first, second))
-    turned = np.ix_(rows, columns)
+    orders = [np.argsort(data[n].values) for n in (first, second)]
+    sort = np.ix_(*orders)
     along, up = (
-        cell_edges(data[n].values[o], data[n].attrs.get("spacing") == "log")
-        for n, o in ((first, rows), (second, columns))
+        cell_edges(data[n].values[order], data[n].attrs.get("spacing") == "log")
+        for n, order in zip((first, second), orders, strict=True)
     )
     edges = along, up
-    values = data[name].values[turned]
-    outcome = data["outcome"].values[turned]
+    values = data[name].values[sort]
+    outcome = data["outcome"].values[sort]
     if name == "outcome":
         _draw_outcomes(axes, edges, data, outcome, bar)
     else:
         for colour, here in _gaps(data, _codes(data, [name]), name).items():
-            shade = np.where(here[turned], 1.0, np.nan)
+            shade = np.where(here[sort], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
         scale = scale or _scale_of(data, name)
         mesh = fill_cells(axes, edges, np.where(outcome != NOT_COMPUTED, values, np.nan), scale)
@@ -382,12 +389,12 @@ def draw_map(
             axes.figure.colorbar(mesh, ax=axes, label=measure_label(data, name), extend=beyond)
     for hatch, here in doubtful(data, name).items():
         if name != "outcome" or hatch == UNCERTAIN:  # otherwise the colours show it
-            hatch_cells(axes, edges, here[turned], hatch)
+            hatch_cells(axes, edges, here[sort], hatch)
     _frame(axes, data, first, second)
 
 
 def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
-    """Colour scale, determined by certified points; others may exceed it."""
+    """Colour scale for the values of certified points; other values may exceed it."""
     values = data[name].values
     computed = data["outcome"].values != NOT_COMPUTED
     sure = computed & ~uncertified(data, name) & np.isfinite(values)
@@ -397,7 +404,7 @@ def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
 def _draw_outcomes(
     axes: Axes, edges: tuple[Array, Array], data: xarray.Dataset, outcome: Array, bar: bool
 ) -> None:
-    """Plot outcomes in distinct colours, with their names."""
+    """Plot outcomes in distinct colours, with their meanings at the colour bar."""
     words = _words(data["outcome"])
     found = [int(code) for code in np.unique(data["outcome"].values) if code >= 0]
     found.sort(key=[o.code for o in (*REGIMES, *Outcome)].index)
@@ -416,7 +423,7 @@ def _draw_outcomes(
 
 
 def _outcome_colours(codes: Sequence[int]) -> list[str]:
-    """Colours of outcomes: frequent ones have the same colour in all maps."""
+    """Colours of outcomes; the most frequent outcomes have the same colour in all maps."""
     own = {kind.code: colour for kind, colour in REGIMES.items()}
     taken = {own[code] for code in codes if code in own}
     spare = cycle([colour for colour in _OTHERS if colour not in taken])
@@ -424,7 +431,7 @@ def _outcome_colours(codes: Sequence[int]) -> list[str]:
 
 
 def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]:
-    """Equal panels in rows of at most three, with the title of the system."""
+    """Panels of equal size in rows of at most three, under the title of the map."""
     columns = min(len(names), 3 if len(names) != 4 else 2)
     rows = -(-len(names) // columns)
     figure = new_figure(_WIDTH * columns, _HEIGHT * rows + 0.4)
@@ -436,7 +443,8 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
 
 
 def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
-    """Legend of hatching and greys, and the number of computed points."""
+    """Add a legend of hatching, greys and white, and of the fraction of computed points of an
+    interpolated map."""
     outcome = data["outcome"].values
     handles = [hatched_patch(kind, text) for kind, text in _doubts(data, names).items()]
     room = int(_LETTERS * figure.get_figwidth())
@@ -448,10 +456,9 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
     if np.any(outcome == NOT_COMPUTED):
         handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
     if np.any(outcome == INTERPOLATED):
-        share = np.count_nonzero(outcome >= 0) / outcome.size
-        handles.append(
-            Patch(fc="none", ec="none", label=f"interpolated from {share:.1%} of the points")
-        )
+        computed = np.count_nonzero(outcome >= 0) / outcome.size
+        label = f"interpolated from {computed:.1%} of the points"
+        handles.append(Patch(fc="none", ec="none", label=label))
     if handles:
         figure.legend(
             handles=handles, loc="outside lower left", ncols=2 if len(handles) > 2 else len(handles)
@@ -459,8 +466,8 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
 
 
 def _gaps(data: xarray.Dataset, codes: Sequence[int], name: str) -> dict[str, Array]:
-    """Computed points without a value of a measure, by the colour of the reason, one of the given
-    codes."""
+    """Computed points without a value of a measure, as masks by the grey of their outcome. The
+    greys belong to the given codes in order."""
     if name == "outcome":
         return {}
     outcome = data["outcome"].values
@@ -471,7 +478,7 @@ def _gaps(data: xarray.Dataset, codes: Sequence[int], name: str) -> dict[str, Ar
 
 
 def _codes(data: xarray.Dataset, names: list[str]) -> list[int]:
-    """Outcomes of the points that lack a value of one of the measures."""
+    """Outcomes of the computed points without a value of at least one of the measures."""
     without = np.any(
         [np.isnan(data[name].values) for name in names if name != "outcome"] or [False], axis=0
     )
@@ -486,9 +493,8 @@ def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
     for colour, code in zip(_GREYS, _codes(data, names), strict=False):
         found[colour] = f"no value: {words[code]}"
         if code == Outcome.OUTSIDE.code:
-            largest = with_unit(
-                float(np.nanmax(data["excess"].values)), data["excess"].attrs["units"], 3
-            )
+            excess = data["excess"]
+            largest = with_unit(float(np.nanmax(excess.values)), excess.attrs["units"], 3)
             found[colour] = (
                 f"no value: the start is outside the stable set |∂Φ| ≤ s, by up to {largest}"
             )
@@ -496,7 +502,7 @@ def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
 
 
 def _words(codes: xarray.DataArray) -> dict[int, str]:
-    """Meanings of the codes of outcomes; a store of an older version does not list all."""
+    """Meanings of the codes of outcomes. A store of an older version does not list all of them."""
     texts = [text.replace("_", " ") for text in codes.attrs["flag_meanings"].split()]
     stored = dict(zip(map(int, codes.attrs["flag_values"]), texts, strict=True))
     return {kind.code: kind.label for kind in Outcome} | stored
@@ -516,15 +522,12 @@ def _doubts(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
 
 
 def _lacking(data: xarray.Dataset, bad: Array) -> str:
-    """Failed criteria of points that are shown without a certificate."""
-    if "lacking" not in data:  # maps of the first format have none
+    """Failed criteria of points without a certificate."""
+    if "lacking" not in data:  # maps of the first format do not store them
         return "not certified"
-    lacked = [
-        MISSING[code]
-        for code in np.unique(data["lacking"].values[bad])
-        if MISSING[code] != "result"
-    ]
-    return f"not certified ({', '.join(lacked)})" if lacked else "not certified"
+    names = [MISSING[code] for code in np.unique(data["lacking"].values[bad])]
+    failed = ", ".join(name for name in names if name != "result")
+    return f"not certified ({failed})" if failed else "not certified"
 
 
 # -- axes and values -------------------------------------------------------------------------------
@@ -532,11 +535,13 @@ def _lacking(data: xarray.Dataset, bad: Array) -> str:
 
 def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
     """Names that vary along a dimension, in the order in which they were given."""
+    # The name of a dimension with several names is that of these names, joined by underscores.
     names = [str(n) for n, c in data.coords.items() if c.dims == (dimension,)]
     return sorted(names, key=lambda name: f"_{dimension}_".find(f"_{name}_"))
 
 
 def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
+    """Set labels and scales of both axes."""
     axes.set_xlabel(axis_text(data, [first]))
     axes.set_ylabel(axis_text(data, [second]))
     _scale(axes, data, first, "x")
@@ -544,5 +549,6 @@ def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
 
 
 def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
+    """Use a logarithmic scale if the values of the axis are spaced logarithmically."""
     if data[name].attrs.get("spacing") == "log":
         getattr(axes, f"set_{direction}scale")("log")

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
+_MOST_REJECTIONS = 100  # largest number of rounds of rejection sampling
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Result):
     """Parameter estimates of a system from data, with uncertainties.
@@ -37,13 +40,13 @@ class Fit(Result):
     Attributes
     ----------
     declared : System
-        The system as it was given.
+        The system that was fitted, with its declared parameter values.
     dataset : xarray.Dataset
-        Over ``parameter``: ``estimate``, ``standard_error``, ``low`` and ``high`` (of the 95 %
-        interval), ``start``, ``least`` and ``most`` (the bounds), ``unit``; ``covariance``. Over
-        ``row`` (``row_2``, ... of further recordings): the data by the names of their columns,
-        ``fitted_NAME`` and ``residual_NAME``, NaN in gaps. Over ``start_of_search``: where the
-        search began.
+        Over ``parameter``: ``estimate``, ``standard_error``, ``low`` and ``high`` (the ends of the
+        95 % interval), ``start``, ``least`` and ``most`` (the bounds), ``unit``; ``covariance``.
+        Over ``row`` (``row_2``, ... for further recordings): the data by the names of their
+        columns, ``fitted_NAME`` and ``residual_NAME``, NaN in gaps. Over ``start_of_search``: the
+        starts of the search.
     statistics : Statistics
     certificate : Certificate
     log_likelihood : float
@@ -105,14 +108,14 @@ class Fit(Result):
     @cached_property
     def system(self) -> System:
         """The system with the estimates as parameter values, for equilibria, branches and maps.
-        With one recording, also with its initial values."""
+        After a fit to one recording, also with the initial values of this recording."""
         parameters, initial = self.problem.values_at(self.values)
         system = self.declared.with_parameters(**parameters)
         if len(initial) > 1:
             return system
-        m = self.problem.measured[0]
-        values = {**parameters, **m.recording.parameters}
-        return replace(system, initial={**system.initial, **m.start(values, initial[0])})
+        measured = self.problem.measured[0]
+        values = {**parameters, **measured.recording.parameters}
+        return replace(system, initial={**system.initial, **measured.start(values, initial[0])})
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -124,7 +127,7 @@ class Fit(Result):
         """The fitted motion of the first recording."""
         return self.trajectories[0]
 
-    # -- how well it is determined -----------------------------------------------------------------
+    # -- uncertainty -------------------------------------------------------------------------------
 
     @validated
     def profile(
@@ -141,9 +144,10 @@ class Fit(Result):
         Returns
         -------
         xarray.Dataset
-            Over ``value``: ``rise`` of −2 log(likelihood), and the other unknowns. Attributes:
-            ``limit``, the rise at the ends of the 95 % interval; ``low`` and ``high``, these ends,
-            infinite if the data do not bound the interval; ``flat``, whether this is the case.
+            Over ``value``: ``rise``, the increase of −2 log(likelihood), and the other unknowns.
+            Attributes: ``limit``, the rise at the ends of the 95 % interval; ``low`` and ``high``,
+            these ends, infinite if the data do not bound the interval; ``flat``, whether this is
+            the case.
 
         Raises
         ------
@@ -157,17 +161,24 @@ class Fit(Result):
     @validated
     def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
         """Draw random values of the unknowns from their estimated normal distribution, restricted
-        to their bounds.
+        to their bounds. Unknowns that the data do not determine keep their estimates.
 
         Parameters
         ----------
         count : int
+            Number of draws.
         seed : int
+            Seed of the random numbers, >= 0.
 
         Returns
         -------
         xarray.Dataset
             A variable for each unknown, over ``draw``.
+
+        Raises
+        ------
+        DeclarationError
+            If `count` is not positive, or `seed` is negative.
         """
         import xarray as xr
 
@@ -178,11 +189,12 @@ class Fit(Result):
         rng = np.random.default_rng(seed)
         root = _root_of(self.covariance)
         drawn = self.values + rng.standard_normal((count, len(root))) @ root.T
-        for _ in range(100):
+        # Rejection sampling of the truncated distribution. If the bounds admit almost no draws, the
+        # last ones are moved to the bounds.
+        for _ in range(_MOST_REJECTIONS):
             outside = np.any((drawn < low) | (drawn > high), axis=1)
             if not outside.any():
                 break
-            # Rejection sampling of the truncated distribution.
             fresh = rng.standard_normal((int(outside.sum()), len(root))) @ root.T
             drawn[outside] = self.values + fresh
         drawn = np.clip(drawn, low, high)
@@ -203,9 +215,9 @@ class Fit(Result):
         ----------
         parameter : str
         span : (float, float)
-            Its range.
+            Range of the parameter.
         initial : mapping of str to float, optional
-            State from which the motion converges to the first cycle.
+            Initial state of a motion that converges to the first cycle.
 
         Returns
         -------
@@ -214,7 +226,7 @@ class Fit(Result):
         Raises
         ------
         ConvergenceError
-            If no first cycle is found.
+            If the first cycle is not found.
         """
         from stickslip.fitting.band import cycles_with_band
 
@@ -224,17 +236,17 @@ class Fit(Result):
 
     @property
     def along(self) -> str:
-        """Dimension of the table."""
+        """Dimension of the estimates in the dataset."""
         return "parameter"
 
     @property
     def title(self) -> str:
-        """Title of the system."""
+        """Title of the system, or its name."""
         return self.declared.title or self.declared.name
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the parameters."""
+        """Values of the parameters, with the estimates."""
         return self.problem.values_at(self.values)[0]
 
     @property
@@ -249,12 +261,13 @@ class Fit(Result):
 
     @property
     def aicc(self) -> float:
-        """Akaike's criterion with the small-sample correction, for the effective number of data."""
+        """Akaike's information criterion with the small-sample correction, for the effective number
+        of data."""
         return criteria(self.log_likelihood, self.free, self.count, self.statistics.weight)[0]
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion."""
+        """Schwarz's (Bayesian) information criterion, for the effective number of data."""
         return criteria(self.log_likelihood, self.free, self.count, self.statistics.weight)[1]
 
     @property
@@ -264,7 +277,7 @@ class Fit(Result):
 
     @property
     def free(self) -> int:
-        """Number of estimated quantities: the unknowns, and the noise of columns."""
+        """Number of estimated quantities: the unknowns, and the noise levels of columns."""
         return len(self.names) + int(self.dataset.attrs["noises"])
 
     def facts(self) -> dict[str, Any]:
@@ -288,16 +301,15 @@ class Fit(Result):
 
     def rows(self) -> list[tuple[str, str]]:
         """Summary as rows of text."""
-        rows = [("unknown", text) for text in self.unknowns_in_words()]
-        rows += [
-            ("data", f"{self.count}, effectively {100 * self.statistics.weight:.3g} % of them")
+        s = self.statistics
+        tests = ", ".join(f"{name.replace('_', ' ')} {v:.3g}" for name, v in s.tests.items())
+        return [
+            *(("unknown", text) for text in self.unknowns_in_words()),
+            ("data", f"{self.count}, effectively {100 * s.weight:.3g} % of them"),
+            ("residuals", tests),
+            ("criteria", f"AICc {self.aicc:.6g}, BIC {self.bic:.6g}"),
+            *(("note", note) for note in self.notes),
         ]
-        tests = self.statistics.tests
-        rows += [
-            ("residuals", ", ".join(f"{n.replace('_', ' ')} {v:.3g}" for n, v in tests.items()))
-        ]
-        rows += [("criteria", f"AICc {self.aicc:.6g}, BIC {self.bic:.6g}")]
-        return [*rows, *(("note", note) for note in self.notes)]
 
     def unknowns_in_words(self, most: int = 100) -> list[str]:
         """Estimates with standard errors and intervals, one line each."""
@@ -321,7 +333,7 @@ class Fit(Result):
         return plot_fit(self, ax)
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
-        """The numbers, and everything else as data."""
+        """The dataset, and all other parts as plain data."""
         s = asdict(self.statistics)
         s |= {"covariance": s["covariance"].tolist(), "error": s["error"].tolist()}
         return self.dataset, {
@@ -336,7 +348,7 @@ class Fit(Result):
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
-        """Restore a stored fit."""
+        """Restore a stored fit; its problem is created again when it is needed."""
         from stickslip.model.system_file import loads
 
         system = loads(parts["system"], f"{where}: system")
@@ -357,16 +369,19 @@ class Fit(Result):
 
 
 def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tuple[float, float]:
-    """Akaike's (with correction) and Schwarz's criterion, for the effective number of data.
+    """Akaike's (with the small-sample correction) and Schwarz's information criterion.
+
+    Both are computed for the effective number of data: residuals of neighbours are correlated, so
+    that a fraction `weight` of the data counts as independent.
 
     Parameters
     ----------
     free : int
-        Number of unknowns.
+        Number of estimated quantities.
     count : int
-        Of data.
+        Number of data.
     weight : float
-        Part of them that counts.
+        Effective fraction of the data.
     """
     n = weight * count
     deviance = -2.0 * weight * log_likelihood
@@ -375,6 +390,6 @@ def criteria(log_likelihood: float, free: int, count: int, weight: float) -> tup
 
 
 def _root_of(covariance: Array) -> Array:
-    """A square root of a covariance matrix, which may be singular."""
+    """A matrix R with R Rᵀ equal to a covariance matrix, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

@@ -213,7 +213,7 @@ def events_of(motion: Trajectory, contact: str, verb: str) -> Array:
 def _keys(motion: Trajectory) -> dict[str, str]:
     from stickslip.model.quantities import contact_key
 
-    names = [*motion.system.rubbing, *motion.system.unilateral, *motion.system.constraints]
+    names = [*motion.system.frictional, *motion.system.unilateral, *motion.system.constraints]
     return {name: contact_key(name) for name in names if contact_key(name) in motion.modes}
 
 

@@ -56,12 +56,12 @@ class Unknown:
         return np.log(value) if self.logarithmic else value
 
     def from_search(self, coordinate: Any) -> Any:
-        """Its value."""
+        """The value for a coordinate of the search."""
         return np.exp(coordinate) if self.logarithmic else coordinate
 
     @property
     def searched(self) -> tuple[float, float]:
-        """FreeRange of that coordinate."""
+        """Range of the coordinate of the search."""
         if not self.logarithmic:
             return self.low, self.high
         return (math.log(self.low) if self.low > 0.0 else -math.inf, math.log(self.high))
@@ -155,7 +155,7 @@ def _initial(
 
 
 def checked_bounds(name: str, bounds: Any, declared: tuple[float, float]) -> tuple[float, float]:
-    """FreeRange within the declared range."""
+    """Check a range of an unknown: it must be within the declared one, which is the default."""
     if bounds is None:
         return declared
     try:

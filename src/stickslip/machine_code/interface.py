@@ -1,6 +1,10 @@
-"""The functions of a system, as the engine calls them."""
+"""Signatures of the compiled functions of a system, as the engine calls them.
 
-# Annotations are objects, not text: nothing is evaluated to read a signature.
+:mod:`stickslip.equations.codegen.generate` describes what they compute, and
+:class:`stickslip.motion.steps.arrays.Space` the arrays.
+"""
+
+# No `from __future__ import annotations`: the translator reads annotations as types, not as text.
 
 from functools import cache
 from typing import Any
@@ -10,30 +14,31 @@ from stickslip.translator import FunctionAddress
 
 
 class SystemFunction(FunctionAddress):
-    """A compiled function of a system; it keeps its machine code in memory.
+    """A compiled function of a system: its address.
 
     Attributes
     ----------
     code : Code
-        To which it belongs.
+        The machine code that contains the function; it stays in memory as long as the function is
+        referenced.
     """
 
     code: Any
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python, as compiled functions do that run as Python.
+        """Call the function from Python, as the engine does if it is not compiled.
 
         Raises
         ------
         TypeError
-            If an argument is of another type.
+            If an argument has the wrong type.
         """
         return _caller(type(self))(self, *arguments)
 
 
 @cache
 def _caller(kind: type[SystemFunction]) -> Any:
-    """Caller of functions of a kind by their address."""
+    """Function that calls functions with the signature of `kind` by their address."""
     from stickslip.machine_code.objects import addresses
     from stickslip.machine_code.words import Prepared
     from stickslip.translator.modules import caller_of
@@ -51,7 +56,7 @@ class Setup(SystemFunction):
 
     @staticmethod
     def signature(p: Vector, K: Vector, M: Matrix, C: Matrix, J: Matrix, omega: Vector) -> None:
-        """Write to all but `p`."""
+        """Write all arrays except `p`, the parameters."""
 
 
 class Jets(SystemFunction):
@@ -72,7 +77,8 @@ class Jets(SystemFunction):
         B: Matrix,
         mag: Vector,
     ) -> int:
-        """A status; 0 where there are coefficients."""
+        """Write coefficients up to order `N` to `W`, and sizes of their terms to `mag`. Return 0,
+        or 1 if the rates are not determined."""
         ...
 
 
@@ -87,7 +93,7 @@ class Residuals(SystemFunction):
 
 
 class Powers(SystemFunction):
-    """Energy, dissipated and supplied power."""
+    """Energy, dissipated power and supplied power."""
 
     @staticmethod
     def signature(W: Matrix, reg: IntVector, K: Vector, out: Vector) -> None:
@@ -95,15 +101,15 @@ class Powers(SystemFunction):
 
 
 class Landings(Powers):
-    """New values of the state in jumps."""
+    """New values of the state in declared jumps."""
 
 
 class Supports(SystemFunction):
-    """Support functions of the forces of contacts that have a formula."""
+    """Support functions of the forces of contacts whose dissipation is a formula."""
 
     @staticmethod
     def signature(w: Vector, K: Vector, out: Vector) -> None:
-        """Write to `out`."""
+        """Write the values at the vector `w` to `out`."""
 
 
 INTERFACE: dict[str, type[SystemFunction]] = {
@@ -114,4 +120,4 @@ INTERFACE: dict[str, type[SystemFunction]] = {
     "landings": Landings,
     "supports": Supports,
 }
-"""By name in the machine code of a system."""
+"""Functions of a system by their names in its machine code."""

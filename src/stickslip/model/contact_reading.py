@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 _REMEDY = "A threshold must not be negative; write max(..., 0) around its formula"
 _VELOCITIES = ("v1", "v2", "v3")  # names of the velocities in a dissipation
 _NUMBERS = {2: "two", 3: "three"}
+_SMALL_GAP = 1e-3  # smallest scale of a gap, as a fraction of the largest coordinate
+_LARGEST_THRESHOLD = "[-inf, 1e150]"  # in a plane, where thresholds are squared
 
 
 def read_contacts(reader: DeclarationReader) -> list[DryContact]:
@@ -43,7 +45,11 @@ def read_contacts(reader: DeclarationReader) -> list[DryContact]:
 
 
 class _Contacts:
-    """Reads the contacts of one declaration."""
+    """Reads the contacts of one declaration.
+
+    Its scopes contain the names that are allowed in directions (`directions`), thresholds
+    (`pressed`), kinetic forces (`sliding`) and surface speeds (`surface`).
+    """
 
     def __init__(self, reader: DeclarationReader) -> None:
         self.reader = reader
@@ -57,6 +63,7 @@ class _Contacts:
         self.normals = {
             normal_force(name): ex.sym(normal_force(name)) for name in self.system.with_gaps
         }
+        # The normal force of a constraint is the sum of those of its two sides, one of which is 0.
         for name, sides in self.system.constraints.items():
             own = [(self.normals[normal_force(side)], 1.0) for side in sides]
             self.normals[normal_force(name)] = ex.add(*own)
@@ -93,16 +100,16 @@ class _Contacts:
                 found += self._unilateral(name, contact)
             else:
                 found += self._dry(name, cast("Contact", contact))
-        self._check_moved(found)
+        self._check_rate_independent(found)
         return found
 
-    def _check_moved(self, contacts: list[DryContact]) -> None:
+    def _check_rate_independent(self, contacts: list[DryContact]) -> None:
         """Reject rate-independent coordinates with no contact, or with several."""
-        moving = {r: list[str]() for r in self.result.rate_independent}
+        contacts_of = {r: list[str]() for r in self.result.rate_independent}
         for c in contacts:
-            for x in c.direction.keys() & moving.keys():
-                moving[x].append(c.name)
-        for r, acting in moving.items():
+            for x in c.direction.keys() & contacts_of.keys():
+                contacts_of[x].append(c.name)
+        for r, acting in contacts_of.items():
             if not acting:
                 raise DeclarationError(
                     f"coordinates.{r}",
@@ -120,12 +127,9 @@ class _Contacts:
         """The normal direction of a contact that can open, and its friction."""
         where = entry_key("contacts", name)
         gap, direction = self._gap(where, contact)
-        restitution, tangential = (
-            self._restitution(f"{where}.{key}", given)
-            for key, given in (
-                ("restitution", contact.restitution),
-                ("tangential_restitution", contact.tangential_restitution),
-            )
+        restitution = self._bounded(contact.restitution, f"{where}.restitution", "[0, 1]")
+        tangential = self._bounded(
+            contact.tangential_restitution, f"{where}.tangential_restitution", "[0, 1]"
         )
         check_unit(contact.unit, f"{where}.unit")
         self._check_overlap(where, contact, gap)
@@ -169,13 +173,17 @@ class _Contacts:
             )
         return gap, direction
 
-    def _restitution(self, where: str, given: object) -> Expr:
-        """A coefficient of restitution."""
-        restitution = self.reader.static.parse(given, where)
-        interval = parse_range("[0, 1]", where)
-        interval.check(ex.evaluate(restitution, self.system.values), where)
-        self.result.limits.append((where, restitution, interval))
-        return restitution
+    def _bounded(self, given: object, where: str, interval: str) -> Expr:
+        """A formula of parameters whose values are in an interval, such as ``"[0, 1]"``."""
+        formula = self.reader.static.parse(given, where)
+        self._limit(formula, where, interval)
+        return formula
+
+    def _limit(self, formula: Expr, where: str, interval: str) -> None:
+        """Reject values outside an interval, also if parameters change later."""
+        limits = parse_range(interval, where)
+        limits.check(ex.evaluate(formula, self.system.values), where)
+        self.result.limits.append((where, formula, limits))
 
     def _check_overlap(self, where: str, contact: Unilateral, gap: Expr) -> None:
         """Reject bodies that overlap at the initial state; violations of constraints are checked at
@@ -186,8 +194,8 @@ class _Contacts:
             return  # both sides of a constraint
         # If all terms of the gap are small, the largest coordinate sets the scale, so that rounding
         # errors of the state are not regarded as an overlap.
-        most = max(abs(self.reader.start[q]) for q in self.result.inertial)
-        size = max(size_of_terms(gap, self.reader.start), 1e-3 * most, TINIEST)
+        largest = max(abs(self.reader.start[q]) for q in self.result.inertial)
+        size = max(size_of_terms(gap, self.reader.start), _SMALL_GAP * largest, TINIEST)
         if here < -BODIES_OVERLAP * size:
             raise DeclarationError(
                 f"{where}.gap",
@@ -239,7 +247,7 @@ class _Contacts:
         ]
 
     def _dry(self, name: str, contact: Contact) -> list[DryContact]:
-        """A contact along a line, or the two components of one in a plane."""
+        """A contact along a line, or the components of a contact in a plane or of a face."""
         where = entry_key("contacts", name)
         if contact.threshold == "":
             raise DeclarationError(
@@ -253,11 +261,11 @@ class _Contacts:
         count = len(contact.direction)
         check_components(where, contact, count)
         lengths = contact.axes if len(contact.axes) == count else (1.0,) * count
-        axes = [self._axis(axis, f"{where}.axes") for axis in lengths]
+        axes = [self._bounded(axis, f"{where}.axes", "(0, inf)") for axis in lengths]
         formula = None
         if contact.dissipation is not None or count == 3:
             formula = self._dissipation(where, contact, axes)
-            axes = [ex.ONE] * count
+            axes = [ex.ONE] * count  # the formula contains them
         parts = contact.components(name)
         for label in parts:
             if label in self.system.contacts:
@@ -284,6 +292,7 @@ class _Contacts:
         names = _VELOCITIES[: len(axes)]
         velocities = {x: ex.sym(x) for x in names}
         if contact.dissipation is None:
+            # R(v) = |A v| with the semi-axes A, so the limit surface is an ellipsoid.
             parts = zip(axes, velocities.values(), strict=True)
             squares = ((a * a * v * v, 1.0) for a, v in parts)
             value = ex.power(ex.add(*squares), ex.num(0.5))
@@ -305,17 +314,19 @@ class _Contacts:
             )
         why = f"A dissipation may depend on {', '.join(names)} and parameters"
         scope = self.reader.scope(velocities, why=why)
+        # A formula with mean speeds of discs and rings is convex if the same formula with norms in
+        # their place is (`convex.faces`).
         value, like = (
             replace(scope, definitions={**own, **scope.definitions}).parse(contact.dissipation, key)
             for own in (mean_speeds(), norms_instead())
         )
-        alike = None if like is value else like
-        found = smooth_dissipation(value, names, self.system.values, key, alike)
-        self.result.dissipations.append((key, found, alike))
+        substitute = None if like is value else like
+        found = smooth_dissipation(value, names, self.system.values, key, substitute)
+        self.result.dissipations.append((key, found, substitute))
         return found
 
     def _check_formula(self, where: str, part: DryContact) -> None:
-        """Reject a dissipation where motions do not support it."""
+        """Reject a dissipation formula of a contact for which motions do not support one."""
         if part.kind != Kind.INERTIAL and not part.prescribed:
             raise DeclarationError(
                 f"{where}.dissipation",
@@ -331,24 +342,13 @@ class _Contacts:
                 "Give the normal force as a formula of time and state, or remove the dissipation",
             )
 
-    def _axis(self, given: object, where: str) -> Expr:
-        """A semi-axis, which is positive."""
-        axis = self.reader.static.parse(given, where)
-        interval = parse_range("(0, inf)", where)
-        interval.check(ex.evaluate(axis, self.system.values), where)
-        self.result.limits.append((where, axis, interval))
-        return axis
-
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
         """Reject components of different kinds or along one line, and thresholds whose squares
         overflow."""
         for threshold in dict.fromkeys((parts[0].plus, parts[0].kinetic_plus)):
             if threshold.symbols <= self.system.parameters.keys():
-                interval = parse_range("[-inf, 1e150]", where)
-                interval.check(ex.evaluate(threshold, self.system.values), f"{where}.threshold")
-                self.result.limits.append((f"{where}.threshold", threshold, interval))
+                self._limit(threshold, f"{where}.threshold", _LARGEST_THRESHOLD)
         first, *others = parts
-        second = others[-1]
         if any(first.prescribed != other.prescribed for other in others):
             raise DeclarationError(
                 f"{where}.direction",
@@ -362,11 +362,10 @@ class _Contacts:
                 "the direction is zero, and so is the surface speed",
                 "Write it like ['d_x', 'd_y']",
             )
-        second = next((other for other in others if other.kind != first.kind), second)
-        if first.kind != second.kind:
+        if kinds := [other.kind for other in others if other.kind != first.kind]:
             raise DeclarationError(
                 f"{where}.direction",
-                f"its components are {first.kind} and {second.kind}",
+                f"its components are {first.kind} and {kinds[0]}",
                 "Declare all coordinates of one contact with the same kind",
             )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
@@ -391,22 +390,22 @@ class _Contacts:
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
         """A contact along a line, or one component of a declared contact."""
         where = entry_key("contacts", declared or name)
-        text = self.directions.parse(contact.direction, f"{where}.direction")
-        rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
-        slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
+        velocity = self.directions.parse(contact.direction, f"{where}.direction")
+        rates = sorted(velocity.symbols & self.order.keys(), key=self.order.__getitem__)
+        slopes = {rate[2:]: ex.derivative(velocity, rate) for rate in rates}
         direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
-        if not rates and text.symbols <= {"t", *self.reader.constants}:
-            return self._prescribed(name, contact, text, declared)
+        if not rates and velocity.symbols <= {"t", *self.reader.constants}:
+            return self._prescribed(name, contact, velocity, declared)
         linear = ex.add(*((c * self.reader.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         curved = any(c.symbols & self.reader.rates.keys() for c in direction.values())
-        if not direction or curved or ex.bends(text, self.reader.rates):
+        if not direction or curved or ex.bends(velocity, self.reader.rates):
             raise DeclarationError(
                 f"{where}.direction",
                 "not a linear combination of rates",
                 PLANAR if len(direction) > 1 else "Write it like 'd_x' or 'd_x2 - d_x1'",
             )
-        rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
-        if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:
+        rest = ex.substitute(velocity, {f"d_{x}": ex.ZERO for x in direction})
+        if rest is not ex.ZERO and ex.add((velocity, 1.0), (linear, -1.0)) is not ex.ZERO:
             raise DeclarationError(
                 f"{where}.direction",
                 f"it contains the constant {short(repr(rest))}",
@@ -420,18 +419,19 @@ class _Contacts:
                 "Declare all coordinates of one contact with the same kind",
             )
         kind = kinds.pop()
-        turning = sorted(
+        varying = sorted(
             {name for c in direction.values() for name in c.symbols & self.reader.inertia.keys()}
         )
-        if turning and kind != Kind.INERTIAL:
+        if varying and kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
-                f"its coefficients depend on {turning[0]}, but its coordinates are {kind}",
+                f"its coefficients depend on {varying[0]}, but its coordinates are {kind}",
                 "Use constant coefficients, or declare the coordinates inertial",
             )
-        if turning:
-            check_slopes(text, [*self.reader.inertia, *self.reader.rates], f"{where}.direction", 2)
-            self.reader.check_steps(f"{where}.direction", text)
+        if varying:
+            names = [*self.reader.inertia, *self.reader.rates]
+            check_slopes(velocity, names, f"{where}.direction", 2)
+            self.reader.check_steps(f"{where}.direction", velocity)
         resisted = direction.keys() & set(self.result.resisted)
         if resisted:
             raise DeclarationError(
@@ -460,7 +460,7 @@ class _Contacts:
         name, contact, declared
             As in :meth:`_contact`.
         moves : Expr
-            The velocity that its direction stands for.
+            The velocity in its direction, a function of time.
         """
         where = entry_key("contacts", declared or name)
         places = self.surface if declared else self.reader.clock
@@ -484,8 +484,8 @@ class _Contacts:
     def _forces(
         self, where: str, contact: Contact, kind: Kind | None, in_plane: bool
     ) -> tuple[Expr, Expr, Expr, Expr]:
-        """Thresholds and kinetic friction forces of a contact whose coordinates have the given
-        kind, or which has none."""
+        """Thresholds and kinetic friction forces, plus and minus, of a contact whose coordinates
+        have the given kind; None if it has no coordinates."""
         pressed = self.pressed if kind in (Kind.INERTIAL, None) else self.reader.motion
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
         for e in (plus, minus):
@@ -541,6 +541,7 @@ class _Contacts:
                     "slip at the initial state",
                     "They must not be negative, and kinetic friction must not exceed the threshold",
                 )
+        # The parts of the forces that remain without normal forces.
         nothing = dict.fromkeys(own, ex.ZERO)
         rest = [ex.substitute(force, nothing) for force in forces]
         uneven = any(len({ex.derivative(force, name) for name in own}) > 1 for force in forces)
@@ -564,30 +565,36 @@ class _Contacts:
             )
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
+        """Forces for u > 0 and u < 0, given as one formula or as two."""
         if isinstance(given, tuple):
             return scope.parse(given[0], where), scope.parse(given[1], where)
         both = scope.parse(given, where)
         return both, both
 
     def _check_threshold(self, threshold: Expr, where: str, remedy: str) -> None:
-        values = self.reader.start
+        """Reject a threshold that is negative at the initial state, or that is proved to become
+        negative."""
         from stickslip.symbolic.enclosures import bounds
 
+        here = ex.evaluate(threshold, self.reader.start)
+        if not 0.0 <= here < math.inf:
+            raise DeclarationError(where, f"its value is {here:g} at the initial state", remedy)
         given = self.system.values
         boxes = {n: (given[n], given[n]) for n in threshold.symbols & given.keys()}
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
-        here = ex.evaluate(threshold, values)
-        if not 0.0 <= here < math.inf:
-            raise DeclarationError(where, f"its value is {here:g} at the initial state", remedy)
         if low < -COMPUTED_ZERO * abs(high):
+            # An enclosure over all times is too wide for a function of time: its minimum is
+            # computed.
             if not threshold.symbols & (self.reader.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
+            # Without a finite bound nothing is known; motions check the threshold.
             if -math.inf < low < 0.0:
                 raise DeclarationError(
                     where, f"it can become negative (as low as {low:.4g})", remedy
                 )
 
     def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:
+        """Minimum of a threshold over the time span of the system."""
         from stickslip.symbolic.extrema import least
 
         return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value

@@ -25,39 +25,43 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DryContact:
-    """A contact read.
+    """A contact of a declaration, with its formulas as expressions: a contact along a line, a
+    component of a contact in a plane or of a face, or the normal direction of a contact that can
+    open.
 
     Attributes
     ----------
     kind : str
-        Kind of the coordinates it acts on; viscous where it acts on none, between motions that are
-        given: its velocity is not part of the state.
+        Kind of the coordinates on which the contact acts. It is viscous if there are none, between
+        prescribed motions: the velocity is then not part of the state.
     direction : dict of str to Expr
-        Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
-        these.
+        Coefficients of the relative velocity u by coordinate. They may depend on t and inertial
+        coordinates if these are the coordinates of the contact; otherwise they are constant.
     plus, minus : Expr
-        Thresholds for u > 0 and u < 0; of a normal direction, the pull that it holds, and 0.
+        Thresholds for u > 0 and u < 0; for a normal direction, the adhesion, and 0.
     kinetic_plus, kinetic_minus : Expr
-        Friction forces while sliding (the thresholds unless declared); may contain the symbol
-        ``speed``. Both may contain normal forces.
+        Kinetic friction forces (by default the thresholds); may contain the symbol ``speed``.
+        Thresholds and kinetic forces may contain normal forces.
+    speed : Expr
+        Surface speed.
     gap : Expr or None
-        Of the normal direction of a contact that can open: u is its rate, λ the normal force.
+        For a normal direction, the gap: u is its rate, λ the normal force.
     on : str
-        Of the friction of such a contact: its name.
+        For the friction of a contact that can open, the name of its normal direction.
     restitution : Expr
-        Of either, in an impact.
+        Coefficient of restitution of a normal direction, or of its friction.
     plane : int
-        1, 2 for the components of a contact in a plane, to 3 of a face, whose forces are of all:
-        `plus`,
-        `minus` and the kinetic forces then are those of abs(A⁻¹λ).
+        1, 2 for the components of a contact in a plane, 1, 2, 3 for those of a face; 0 otherwise.
+        The thresholds and kinetic forces of components are those of |A⁻¹λ| with all components λ.
     axis : Expr
-        Of a component, the entry of A.
+        For a component, its diagonal entry of A.
     dissipation : ConvexFormula or None
-        Of a component, R in parts of the threshold; then A is 1.
+        For a component, R in units of the threshold; A is then the identity.
     side_of : str
-        Of a side of a constraint, the name of that.
+        For a side of a constraint, the name of the constraint.
     ratio : Expr
-        Its relative velocity is this times that of the contact with which it is one.
+        Ratio of the relative velocity, or gap, to that of the first contact of its group
+        (:mod:`stickslip.equations.multiples`).
     """
 
     name: str
@@ -80,7 +84,7 @@ class DryContact:
 
     @property
     def prescribed(self) -> bool:
-        """Whether both of its sides move as given."""
+        """Whether both of its sides have prescribed motions."""
         return not self.direction
 
     @property
@@ -96,18 +100,18 @@ class DryContact:
 
 @dataclass(frozen=True)
 class StateJump:
-    """A jump of the state read.
+    """A declared jump of the state, with its formulas as expressions.
 
     Attributes
     ----------
     guard : Expr
-        It fires where this passes through zero ...
+        The state jumps when the guard passes through zero.
     direction : int
-        ... falling (−1), rising (1) or either way (0).
+        Sign of the rate of the guard at which the state jumps; 0 for both signs.
     values : dict of str to Expr
-        New values of parts of the state, from those before.
+        New values of components of the state, as functions of the values before.
     kink : int
-        Number of the guard among the kinks of the equations of motion; −1 before these are derived.
+        Index of the guard among the kinks of the equations of motion; −1 before these are derived.
     """
 
     name: str

@@ -112,7 +112,7 @@ def _in_formulas(system: System, name: str) -> dict[str, str]:
             return described_as(
                 f"gap of {contact}", None if speed is None else per_time(system, speed, -1)
             )
-    for declared, parts in system.rubbing.items():
+    for declared, parts in system.frictional.items():
         for i, contact in enumerate(parts, 1):
             key = contact_key(contact)
             said = declared if len(parts) == 1 else f"{declared}, component {i}"
@@ -350,7 +350,7 @@ def described(system: System, text: str) -> dict[str, str]:
 
 def _who_sticks(system: System, of: str) -> str:
     """The contact whose stick fraction it is: the one that is named, or the only one."""
-    known = list(system.rubbing)
+    known = list(system.frictional)
     return of or (known[0] if len(known) == 1 else "all contacts")
 
 

@@ -1,8 +1,8 @@
 """The declaration of a system with dry friction, as plain data: its energy and its dissipation
 potential.
 
-A :class:`System` holds texts and numbers only. Creating one checks the whole declaration
-(:mod:`stickslip.model.reading`): every existing System is valid.
+A :class:`System` contains only strings and numbers. The complete declaration is checked when a
+System is created (:mod:`stickslip.model.reading`), so every System is valid.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ AnyContact = Contact | Unilateral | Bilateral | LawContact
 
 
 class DefaultSpan(tuple[float, float]):
-    """The default time span, used if none is given. If drives are samples that end, it is replaced
-    by the span that all of them cover.
+    """The default time span of a system. If drives are samples that end, it is the span that all of
+    them cover.
 
     Attributes
     ----------
     otherwise : (float, float)
-        The span if no drive ends.
+        The span used if no drive ends.
     """
 
     otherwise: tuple[float, float]
@@ -71,14 +71,14 @@ class DefaultSpan(tuple[float, float]):
         return made
 
     def under(self, drives: Any) -> DefaultSpan:
-        """The span under some drives."""
-        # Other types are rejected with the rest of the declaration.
+        """The default span of a system with given drives."""
+        # Values of other types are rejected later, with the rest of the declaration.
         table = cast("Mapping[str, Any]", drives if isinstance(drives, Mapping) else {})
         ending = [d for d in table.values() if isinstance(d, TimeFunction) and d.ends]
         if not ending:
             return DefaultSpan(self.otherwise)
         start, stop = max(d.span[0] for d in ending), min(d.span[1] for d in ending)
-        # If drives do not overlap, this span is rejected with the declaration.
+        # Drives that do not overlap are rejected later as well.
         return DefaultSpan((start, stop) if start < stop else self.otherwise, self.otherwise)
 
 
@@ -101,9 +101,9 @@ class System:
     Attributes
     ----------
     name, title, source : str
-        Short name, one line of description, and the literature.
+        Short name, one line of description, and references.
     parameters : mapping of str to Parameter or float
-        Such as ``{"k": ss.Parameter(2.0, "N/m"), "c": 0.1}``.
+        For example ``{"k": ss.Parameter(2.0, "N/m"), "c": 0.1}``.
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
     tables : mapping of str to Table
@@ -113,17 +113,19 @@ class System:
     coordinates : mapping of str to Coordinate
         The rate of coordinate ``x`` is named ``d_x``.
     structures : mapping of str to Structure
-        Bodies given by matrices. For a structure named u, formulas may use degrees of freedom
-        ``u[3]`` or ``u[tip]`` and rates ``d_u[tip]``.
+        Bodies given by matrices. For a structure named u, formulas may use its degrees of freedom,
+        such as ``u[3]`` or ``u[tip]``, and their rates, such as ``d_u[tip]``.
     forces : mapping of str to formula
         Non-potential forces on degrees of freedom of structures, such as ``{"u[tip]":
         "F*cos(omega*t)"}``.
     internal : mapping of str to Internal or Sampled
+        Internal variables with a first-order equation, and digital controllers.
     kinetic, potential, viscous : formula
         Kinetic energy T(q, q̇, t), at most quadratic in the rates of inertial coordinates; potential
         Φ(t, x, α); the quadratic viscous part of the dissipation potential.
-    contacts : mapping of str to Contact
-        Or a named friction law, such as ``ss.laws.stribeck("d_x", ...)``.
+    contacts : mapping of str to Contact, Unilateral or Bilateral
+        Dry friction, contacts that can open, and constraints; also named friction laws, such as
+        ``ss.laws.stribeck("d_x", ...)``.
     impacts : {"together", "in turn"}
         Treatment of contacts that close at the same time. By default their impulses satisfy
         Newton's and Coulomb's laws simultaneously: two touching balls of equal mass move off
@@ -131,23 +133,25 @@ class System:
         at the contact whose approach has the most kinetic energy, until no contact approaches: then
         only the last ball moves off, as in Newton's cradle.
     jumps : mapping of str to Jump
-        Where the state jumps.
+        Jumps of the state at zeros of guards.
     translation : mapping of str to float
         A direction of translation under which the system is invariant.
     initial : mapping of str to float
         Default initial values of coordinates, rates of inertial coordinates, internal variables,
-        degrees of freedom of structures and their rates (else 0).
+        degrees of freedom of structures and their rates; 0 if omitted.
     span : (float, float)
         Default time span; if omitted, from 0 to 100 or, if drives are samples that end, the span
         that all of them cover. A :class:`DefaultSpan` counts as omitted.
     time_unit : str
+        Unit of time, such as ``"s"``.
     conditions : mapping of str to Condition
-        Necessary conditions, by name.
+        Necessary conditions on the parameters, by name.
     facts : mapping of str to formula
-        Closed-form facts, formulas of the parameters (such as X, ψ₂ of the rocking toy).
+        Quantities known in closed form, as formulas of the parameters (such as X and ψ₂ of the
+        rocking toy).
     outputs : mapping of str to Output or formula
-        Additional quantities of results, such as ``{"tip": "u[tip] - u[root]"}``. Other formulas
-        may use them by name, wherever their own names are allowed.
+        Additional quantities of results, such as ``{"tip": "u[tip] - u[root]"}``. They may be used
+        by name in all formulas in which the names that they contain are allowed.
 
     Raises
     ------
@@ -182,12 +186,12 @@ class System:
     outputs: Entries[Output] = Entries(Output, (str, Real))  # noqa: RUF009 (a descriptor)
 
     def __post_init__(self) -> None:
-        # As plain data, the declared span is a tuple.
+        # `hold_plain` converts every span to a tuple, so a default span is restored afterwards.
         default = self.span if isinstance(self.span, DefaultSpan) else None
         hold_plain(self)
         if default is not None:
             object.__setattr__(self, "span", default.under(self.drives))
-        _ = self.declaration
+        _ = self.declaration  # raises if the declaration is not valid
         for conflict in self.unit_conflicts:
             warnings.warn(f"{self.name}: {conflict}", stacklevel=3)
 
@@ -213,8 +217,8 @@ class System:
 
     @cached_property
     def unknowns(self) -> dict[str, dict[str, float]]:
-        """Unknowns of structures that results show, and their rates, each as a linear form of the
-        modes."""
+        """Degrees of freedom of structures that results show, and their rates, each as a linear
+        combination of the modes."""
         if not self.structures:
             return {}
         from stickslip.structures.coordinates import shown_of
@@ -223,8 +227,8 @@ class System:
 
     @property
     def started_unknowns(self) -> list[str]:
-        """Unknowns of structures that results show, and their rates, if initial values may be given
-        for them."""
+        """Degrees of freedom of structures that results show, and their rates, if initial values
+        may be given for them."""
         if not self.structures:
             return []
         from stickslip.structures.coordinates import started_of
@@ -233,12 +237,13 @@ class System:
 
     @property
     def starts(self) -> list[str]:
-        """Names of initial values: degrees of freedom of structures, and parts of the state."""
+        """Names of initial values: degrees of freedom of structures, and components of the
+        state."""
         return [*self.started_unknowns, *self.declaration.state]
 
     @cached_property
     def places(self) -> list[str]:
-        """Positions: declared coordinates, and unknowns of structures."""
+        """Positions: declared coordinates, and degrees of freedom of structures."""
         return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
 
     @property
@@ -259,19 +264,19 @@ class System:
             return {}
 
     def started(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert initial values, some of which are those of degrees of freedom of structures, to
+        """Convert initial values, some of which belong to degrees of freedom of structures, to
         initial values of the state.
 
         Parameters
         ----------
         given : mapping of str
-            Numbers, arrays or expressions. Other degrees of freedom have their declared values.
+            Numbers, arrays or expressions. The other degrees of freedom have their declared values.
 
         Raises
         ------
         DeclarationError
-            If there is no such unknown, its value determines none of the modes, or two values
-            conflict.
+            If there is no such degree of freedom, its value determines none of the modes, or two
+            values conflict.
         """
         unknowns = [name for name in given if is_entry(name)]
         if not unknowns or not self.structures:
@@ -279,31 +284,31 @@ class System:
         self.check_starts(given, "initial")
         from stickslip.structures.coordinates import start_of
 
+        # Amplitudes of modes are linear in the values: those for zero values are increased.
         zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
-        rest = start_of(self.written_structures, {**self.initial, **zero})
+        offset = start_of(self.written_structures, {**self.initial, **zero})
         found: dict[str, Any] = {}
-        # Amplitudes of modes are linear in the values.
         for name in unknowns:
             for mode, slope in self.start_slope(name).items():
                 if mode not in self.initial:
-                    found[mode] = found.get(mode, rest[mode]) + given[name] * slope
+                    found[mode] = found.get(mode, offset[mode]) + given[name] * slope
         return found | {name: value for name, value in given.items() if not is_entry(name)}
 
     def start_slope(self, name: str, section: str = "initial") -> dict[str, float]:
-        """Derivative of the initial state with respect to the initial value of a part of the state
-        or of a degree of freedom of a structure, all others being fixed.
+        """Derivative of the initial state with respect to one initial value, of a component of the
+        state or of a degree of freedom of a structure; all others are fixed.
 
         Parameters
         ----------
         name : str
-            The part of the state, or the degree of freedom, such as ``d_u[tip]``.
+            The component of the state, or the degree of freedom, such as ``d_u[tip]``.
         section : str
             Prefix of error messages.
 
         Returns
         -------
         dict of str to float
-            Derivatives by part of the state; empty for any other name.
+            Derivatives by component of the state; empty for any other name.
 
         Raises
         ------
@@ -320,13 +325,13 @@ class System:
         return modes_per_unknown(self.written_structures, name, section)
 
     def check_starts(self, names: Iterable[str], section: str) -> None:
-        """Reject initial values of both a degree of freedom of a structure and a mode, and of one
+        """Reject initial values of a degree of freedom together with one of its modes, and of one
         degree of freedom under two names.
 
         Parameters
         ----------
         names : iterable of str
-            Names of all initial values that are given or vary; other names are ignored.
+            Names of all initial values that are given or varied; other names are ignored.
         section : str
             Prefix of error messages.
 
@@ -363,6 +368,7 @@ class System:
         return found
 
     def _parts_of(self, name: str, contact: Unilateral) -> dict[str, Contact]:
+        """The normal direction and the friction of a contact that can open, as dry contacts."""
         from stickslip.model.entries.keys import normal_force
 
         normal = normal_force(name)
@@ -385,9 +391,9 @@ class System:
         return found
 
     @cached_property
-    def rubbing(self) -> dict[str, tuple[str, ...]]:
-        """Dry contacts as declared, each with the names of its components: one along a line, two in
-        a plane, three of a face."""
+    def frictional(self) -> dict[str, tuple[str, ...]]:
+        """Dry contacts as declared, each with the names of its components: one for a line, two for
+        a plane, three for a face."""
         from stickslip.model.entries.keys import normal_force
 
         of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
@@ -416,8 +422,8 @@ class System:
 
     @cached_property
     def unit_conflicts(self) -> list[str]:
-        """Terms of the formulas whose units do not agree, as far as units are declared; each is a
-        warning when the system is declared."""
+        """Terms of formulas whose declared units do not agree. Each one causes a warning when the
+        system is declared."""
         from stickslip.model.dimensions import disagreements
 
         return disagreements(self.plain)
@@ -427,19 +433,17 @@ class System:
 
     @validated
     def configure(self, given: Mapping[str, Drive | AnyTable]) -> System:
-        """The same system with other parameter values (numbers), free functions (formulas) and
-        tables.
+        """The same system with other parameter values, functions, drives and tables.
 
         Parameters
         ----------
-        given : mapping of str to float or str
-            A parameter's name with its value, the name of a function or drive with its formula, or
-            that of a table with another one.
+        given : mapping of str to float, formula or Table
+            Values of parameters, formulas of functions and drives, and tables, by name.
 
         Raises
         ------
         DeclarationError
-            If a name is neither, or a value is not admissible.
+            If a name is unknown, or a value is not admissible.
         """
         from stickslip.model.names import reconfigured
 
@@ -496,13 +500,13 @@ class System:
         return self.declaration.value(expression, {**self.values, **given})
 
     def left_out(self, start: float, end: float) -> list[str]:
-        """Describe the parts of driving records that a motion over a time span omits."""
+        """Descriptions of the parts of driving records outside the time span of a motion."""
         from stickslip.model.names import parts_left_out
 
         return parts_left_out(self.declaration.given, start, end, self.time_unit)
 
     def heading(self) -> dict[str, Any]:
-        """Heading of summaries: the name and the given functions."""
+        """Heading of summaries: the name, functions, drives and tables."""
         given = {**self.functions, **self.drives} | {k: str(t) for k, t in self.tables.items()}
         shown = {k: str(f) if isinstance(f, TimeFunction) else f for k, f in given.items()}
         return {"model": self.name, "functions": shown}

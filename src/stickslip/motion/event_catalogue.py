@@ -216,7 +216,7 @@ class EventCatalogue(Result):
             rows.append(("recurrence", f"coefficient of variation {self.recurrence()[1]:.3g}"))
         if len(self):
             most = int(self.dataset["contacts"].max())
-            of = int(self.dataset.attrs.get("count", len(self.system.rubbing)))
+            of = int(self.dataset.attrs.get("count", len(self.system.frictional)))
             rows.append((str(self.dataset["contacts"].attrs["long_name"]), f"up to {most} of {of}"))
         return rows
 
@@ -300,7 +300,7 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     import xarray as xr
 
     system = motion.system
-    if not system.rubbing:
+    if not system.frictional:
         raise DeclarationError(
             "contacts",
             f"{system.name} has no dry contacts",

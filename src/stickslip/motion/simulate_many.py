@@ -229,7 +229,7 @@ def follow_all(
     workers: int,
 ) -> tuple[Lane, Array, BaseException | None]:
     """Simulate motions with the parameters in the rows of a table: their final states, outcome
-    codes, and the KeyboardInterrupt or TimeUp that ended unfinished ones.
+    codes, and the ``KeyboardInterrupt`` or ``TimeUp`` that ended unfinished ones.
 
     The span is counted from the origin of the problem.
 

@@ -156,7 +156,7 @@ class Trajectory(Result):
         contacts = self.switches.contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
-        for parts in self.system.rubbing.values():
+        for parts in self.system.frictional.values():
             kinds = forces_of(parts)
             for name in parts:
                 key = contact_key(name)
@@ -444,7 +444,7 @@ class Trajectory(Result):
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
         """Contacts by the names under which their modes are published."""
-        names = [*self.system.rubbing, *self.system.unilateral, *self.system.constraints]
+        names = [*self.system.frictional, *self.system.unilateral, *self.system.constraints]
         found = {contact_key(contact): contact for contact in names}
         return {f"mode_{key}": contact for key, contact in found.items() if key in self.modes}
 
@@ -599,6 +599,7 @@ class Trajectory(Result):
         ]
         return rows + [("warning", warning) for warning in self.warnings]
 
+    @validated
     def plot(
         self,
         *quantities: str,

@@ -238,7 +238,7 @@ def _measures(problem: Problem) -> tuple[str, ...]:
 
 def _contacts(problem: Problem) -> list[str]:
     """A name for each contact of the engine: the one that was declared, if it has one."""
-    named = {part: name for name, parts in problem.system.rubbing.items() for part in parts}
+    named = {part: name for name, parts in problem.system.frictional.items() for part in parts}
     members = problem.compiled.equations.members
     return [named.get(own[0].name, own[0].name) for own in members]
 

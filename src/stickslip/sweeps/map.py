@@ -249,6 +249,7 @@ class Map(Result):
 
         return fragility_of(self, measure, limit, over)
 
+    @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
         """Plot lines over one axis, a map over two, small multiples over three. If a second axis
         has at most six values, plot a line for each of them.

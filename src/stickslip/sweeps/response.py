@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.model.system import System
@@ -158,6 +159,7 @@ class FrequencyResponse(Result):
         special = [("special point", _of_level(s, self.level)) for s in without_knots(self.special)]
         return [*rows, *shortened(special), *shortened([("note", note) for note in self.notes])]
 
+    @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
         """Plot the amplitude against the frequency with the phase below, or other quantities.
 

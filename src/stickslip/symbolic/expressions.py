@@ -1,17 +1,17 @@
 """Expression trees: numbers, names, sums, products, functions and regions.
 
-Every expression is kept in one canonical form (a sum of coefficients times products of powers) and
-is unique: equal expressions are the same object. Simplification, common subexpressions and the
-question "does this depend on the state?" then cost nothing. A function with a kink or a jump (abs,
-min, piecewise, floor, ...) is a :func:`select` on the sign of its *guard*; the engine turns each
-guard into an event.
+Every expression has one canonical form (a sum of coefficients times products of powers) and is
+unique: equal expressions are the same object. They are therefore compared by ``is``, common
+subexpressions need no search, and derivatives and the sets of names in an expression are stored
+with it. A function with a kink or a jump (abs, min, piecewise, floor, ...) is a :func:`select` on
+the sign of its *guard*; the engine turns each guard into an event.
 
-Values are those of IEEE arithmetic wherever they are computed. What overflows is infinite, so that
-what has a limit there comes to it: ``min(exp(x), 1)`` is 1 at x = 1000. What is undefined is NaN,
-poles included, and so is all that is made of it: ``max(sqrt(x), 3)`` has no value at x = −1. Terms
-that cancel identically are not part of an expression. Numbers are combined where an expression is
-made, rounded to the nearest: ``0.1 + 0.2`` is 0.30000000000000004 whichever way it is computed, and
-enclosures are those of the expression with that number.
+Values follow IEEE arithmetic. An overflow gives an infinity, and functions of it have their limits:
+``min(exp(x), 1)`` is 1 at x = 1000. An undefined value, also at a pole, is NaN, and so is every
+expression that contains it: ``max(sqrt(x), 3)`` is NaN at x = −1. Terms that cancel identically are
+removed. Numbers are combined when an expression is created, rounded to nearest: ``0.1 + 0.2`` is
+the number 0.30000000000000004 in all computations, and enclosures are those of the expression with
+this number.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
 Terms = tuple[tuple["Expr", float], ...]
 _ARGUMENT_OF_ROW = re.compile(r"\bx\b")
-_LONG_PRODUCT = 12  # number of factors above which a product is a factor itself: see `multiply`
-_STRICT = 1.0  # value of a select that is `below` where its guard is 0
+_LONG_PRODUCT = 12  # products with this many factors, or more, are not merged: see `multiply`
+_STRICT = 1.0  # `value` of a strict select
 
 
 class Expr:
@@ -42,21 +42,24 @@ class Expr:
     op : str
         ``num``, ``sym``, ``sum``, ``prod``, ``pow``, ``select`` or the name of a function.
     value : float or str
-        The number, the name, or the constant of a sum; of a select, what :attr:`strict` says.
+        The number, the name, or the constant of a sum; of a select, 1 if it is :attr:`strict`,
+        otherwise 0.
     args : tuple of Expr
         Arguments of a function, a power or a select.
     terms : tuple of (Expr, float)
         Terms and coefficients of a sum, or factors and exponents of a product.
     symbols : frozenset of str
-        Names the expression depends on.
+        Names on which the expression depends.
     depth : int
-        Height of the tree, which bounds every recursion over it.
+        Height of the tree, which limits the depth of recursions.
+    key : str
+        Hash of the expression, the same in every process; terms and factors are sorted by it.
     """
 
     __slots__ = (
         "__weakref__",
         "_derivatives",
-        "_with",
+        "_terms_by_name",
         "args",
         "depth",
         "key",
@@ -80,21 +83,21 @@ class Expr:
             self.symbols = frozenset([str(value)])
         self.depth: int = 1 + max((c.depth for c in children), default=0)
         self._derivatives: dict[str, Expr] = {}
-        self._with: dict[str, list[tuple[Expr, float]]] | None = None
+        self._terms_by_name: dict[str, list[tuple[Expr, float]]] | None = None
 
     @property
     def strict(self) -> bool:
-        """Whether a select is `below`, not `above`, if its guard is 0."""
+        """Whether the value of a select is `below`, not `above`, if its guard is 0."""
         return self.value == _STRICT
 
     def terms_with(self, name: str) -> list[tuple[Expr, float]]:
-        """The terms that depend on a name: of a long sum, few."""
-        if self._with is None:
-            self._with = {}
+        """The terms that depend on a name, found without a search through a long sum."""
+        if self._terms_by_name is None:
+            self._terms_by_name = {}
             for term, c in self.terms:
                 for symbol in term.symbols:
-                    self._with.setdefault(symbol, []).append((term, c))
-        return self._with.get(name, [])
+                    self._terms_by_name.setdefault(symbol, []).append((term, c))
+        return self._terms_by_name.get(name, [])
 
     def __add__(self, other: Expr | float) -> Expr:
         return add((self, 1.0), (as_expr(other), 1.0))
@@ -130,19 +133,20 @@ class Expr:
         return to_text(self)
 
     def __reduce__(self) -> tuple[Callable[..., Expr], tuple[object, ...]]:
-        """Copies, and objects that another process reads, are the unique object of equal
-        expressions."""
+        """Create the unique object when an expression is copied or unpickled."""
         return _node, (self.op, self.value, self.args, self.terms)
 
 
 _nodes: WeakValueDictionary[tuple, Expr] = WeakValueDictionary()
-_recent: deque[Expr] = deque(maxlen=10_000)  # keeps systems that are declared repeatedly
+# Expressions of a system that is declared again are still alive.
+_recent: deque[Expr] = deque(maxlen=10_000)
 _LOCK = RLock()
 
 
 def _node(
     op: str, value: float | str = 0.0, args: tuple[Expr, ...] = (), terms: Terms = ()
 ) -> Expr:
+    """The unique node with these parts, which must be in canonical form."""
     identity = (op, value, tuple(map(id, args)), tuple((id(e), c) for e, c in terms))
     node = _nodes.get(identity)
     if node is None:
@@ -164,7 +168,7 @@ def num(value: float) -> Expr:
     """A number; raises ``OverflowError`` if it is not finite."""
     if not math.isfinite(value):
         raise OverflowError("a number in the formula overflows or is undefined")
-    return _node("num", float(value) + 0.0)
+    return _node("num", float(value) + 0.0)  # −0 becomes 0
 
 
 def sym(name: str) -> Expr:
@@ -213,52 +217,53 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
         return num(constant)
     if len(kept) == 1 and constant == 0.0 and kept[0][1] == 1.0:
         return kept[0][0]
-    num(constant)
+    num(constant)  # raises if the constant is not finite
     if len(kept) > 1 and (moved := _into_branches(constant, terms, kept)) is not None:
         return moved
     return _node("sum", constant, (), kept)
 
 
 def _into_branches(constant: float, terms: Mapping[Expr, float], kept: Terms) -> Expr | None:
-    """A sum in which terms cancel in a branch of a select, as in u − clip(u, −2, 2): these terms
-    are moved into the branches, where they cancel exactly, without rounding errors."""
+    """Move terms that cancel in a branch of a select into its branches, as in u − clip(u, −2, 2):
+    there they cancel exactly, without rounding errors. None if no terms cancel."""
     for e, c in kept:
-        if e.op == "select":
-            gone = {
-                term: weight
-                for branch in _leaves(e)
-                for term, weight in _linear_terms(branch)
-                if term in terms and -c * weight == terms[term]
-            }
-            if gone:
-                guard, above, below = e.args
-                inside = [(term, -weight) for term, weight in gone.items()]
-                branches = (add((branch, 1.0), *inside) for branch in (above, below))
-                rest = ((x, w) for x, w in kept if x is not e and x not in gone)
-                return add(
-                    (select(guard, *branches, strict=e.strict), c), (num(constant), 1.0), *rest
-                )
+        if e.op != "select":
+            continue
+        cancelled = {
+            term: weight
+            for branch in _leaves(e)
+            for term, weight in _linear_terms(branch)
+            if term in terms and -c * weight == terms[term]
+        }
+        if cancelled:
+            guard, above, below = e.args
+            moved = [(term, -weight) for term, weight in cancelled.items()]
+            branches = (add((branch, 1.0), *moved) for branch in (above, below))
+            rest = ((x, w) for x, w in kept if x is not e and x not in cancelled)
+            changed = select(guard, *branches, strict=e.strict)
+            return add((changed, c), (num(constant), 1.0), *rest)
     return None
 
 
 def _leaves(e: Expr) -> list[Expr]:
-    """The branches of a select, and those of selects among them."""
+    """The branches of a select, with nested selects replaced by their branches."""
     return [leaf for b in e.args[1:] for leaf in _leaves(b)] if e.op == "select" else [e]
 
 
 def _linear_terms(e: Expr) -> Terms:
+    """Terms and coefficients of an expression regarded as a sum, without its constant."""
     return e.terms if e.op == "sum" else () if e.op == "num" else ((e, 1.0),)
 
 
 def multiply(*factors: Expr) -> Expr:
     """Product of expressions.
 
-    A product of many factors is a factor of longer ones: so the derivatives of a product of n
-    factors are of size n, not n².
+    Products of many factors are not merged into longer ones, so that the derivatives of a product
+    of n factors have size n, not n².
     """
     coefficient = 1.0
     powers = dict[Expr, float]()
-    rooted = set[Expr]()  # arguments of roots: undefined if negative
+    rooted = set[Expr]()  # bases with fractional exponents: undefined if negative
     for factor in factors:
         if factor.op == "num":
             coefficient *= number(factor)
@@ -276,6 +281,8 @@ def multiply(*factors: Expr) -> Expr:
             powers[base] = powers.get(base, 0.0) + exponent
     if coefficient == 0.0:
         return ZERO
+    # If exponents of a root add up to an integer, as in √x·√x, the product is x only if x is never
+    # negative. Otherwise it is (√x)², which is undefined for negative x as well.
     plain = list[Expr]()
     for base in rooted:
         if (p := powers[base]).is_integer() and p:
@@ -297,14 +304,14 @@ def multiply(*factors: Expr) -> Expr:
 
 
 def _root(e: Expr) -> tuple[Expr, float] | None:
-    """Base and exponent of a root, or of another power with a fractional exponent."""
+    """Base and exponent of a power with a fractional exponent; None for other expressions."""
     is_root = e.op == "prod" and len(e.terms) == 1 and not e.terms[0][1].is_integer()
     return e.terms[0] if is_root else None
 
 
 @lru_cache(maxsize=4096)
 def never_negative(e: Expr) -> bool:
-    """Whether an expression is seen to have no negative value, such as x² + y²."""
+    """Whether an expression, such as x² + y², is proved to have no negative value."""
     from stickslip.symbolic.enclosures import bounds
 
     return bounds(e, {})[0] >= 0.0
@@ -322,9 +329,7 @@ def power(base: Expr, exponent: Expr) -> Expr:
     if exponent.op != "num":
         if base.op == "num" and number(base) <= 0.0:
             raise ZeroDivisionError(f"{number(base):g} to a variable power is undefined")
-        return (
-            num(number(base) ** 1) if is_number(base, 1.0) else _node("pow", 0.0, (base, exponent))
-        )
+        return ONE if base is ONE else _node("pow", 0.0, (base, exponent))
     p = number(exponent)
     if base.op == "num":
         b = number(base)
@@ -336,6 +341,7 @@ def power(base: Expr, exponent: Expr) -> Expr:
     if p == 1.0:
         return base
     if base.op == "prod" and p.is_integer() and len(base.terms) < _LONG_PRODUCT:
+        # Roots remain factors of their own: `multiply` decides whether (√x)² is x.
         parts = [(e, q) if q.is_integer() else (_product(((e, q),)), 1.0) for e, q in base.terms]
         return multiply(*(_product(((e, q * p),)) for e, q in parts))
     if base.op == "sum" and base.value == 0.0 and len(base.terms) == 1:
@@ -354,53 +360,50 @@ def call(name: str, argument: Expr) -> Expr:
             return num(row(number(argument)))
         except ValueError:
             raise ZeroDivisionError(f"{name}({number(argument):g}) is undefined") from None
-    if row.typed and row.period and argument.op == "sum":  # a period that is exact
+    if row.typed and row.period and argument.op == "sum":
+        # This period is a number without rounding error, so whole periods can be removed.
         turns = math.floor(float(argument.value) / row.period + 0.5)
         argument = add((argument, 1.0), (num(turns * row.period), -1.0))
     return _node(name, 0.0, (argument,))
 
 
 def select(guard: Expr, above: Expr, below: Expr, *, strict: bool = False) -> Expr:
-    """`above` where ``guard >= 0`` (where ``guard > 0``, if strict), `below` elsewhere; undefined
-    where the guard is."""
+    """`above` if ``guard >= 0`` (if strict, ``guard > 0``), otherwise `below`; undefined if the
+    guard is."""
     if above is below:
         return above
     if guard.op == "num":
         here = number(guard)
         return above if here > 0.0 or (here == 0.0 and not strict) else below
     if guard.op == "sum":
-        # One boundary, one guard: g, -g and 2g all switch at the same place.
+        # The guards g, −g and 2g change sign at the same point: one form serves all.
         first, leading = guard.terms[0]
         if leading != 1.0:
             others = ((term, c / leading) for term, c in guard.terms[1:])
             guard = add((num(float(guard.value) / leading), 1.0), (first, 1.0), *others)
             if leading < 0.0:
                 above, below, strict = below, above, not strict
-    if strict and _joins(guard, above, below):
-        strict = False
+    if strict:
+        from stickslip.symbolic.enclosures import joins
+
+        # If the branches have the same value at the boundary, strictness makes no difference.
+        strict = not joins(guard, above, below)
     return _node("select", _STRICT if strict else 0.0, (guard, above, below))
 
 
-def _joins(guard: Expr, above: Expr, below: Expr) -> bool:
-    from stickslip.symbolic.enclosures import joins
-
-    return joins(guard, above, below)
-
-
 def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
-    """Simplify a select by the known region of its guard.
+    """The region of a select, and its branches in the order of this region.
 
     Parameters
     ----------
     regions : mapping of Expr to int
-        By guard. A guard of constants can be 0 for good, and then it matters whether it is strict:
-        of those that are, −guard is listed, which is nonnegative where the select is `below`.
+        Entry of each guard that :func:`listed_guard` returns.
 
     Returns
     -------
     int, Expr, Expr
-        The entry of the guard, and what the select is where that guard is nonnegative, and where
-        it is not.
+        The entry of the listed guard, and the values of the select if the listed guard is
+        nonnegative, and if it is negative.
     """
     guard, above, below = e.args
     if e.strict and (opposite := -guard) in regions:
@@ -409,8 +412,16 @@ def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
 
 
 def listed_guard(e: Expr, constants: frozenset[str]) -> Expr:
-    """The guard of a select, as :func:`branches_of` looks it up; the names are those of
-    constants."""
+    """The guard by which :func:`branches_of` looks up a select.
+
+    A guard that contains only constants can be 0 throughout a motion. If the select is strict, its
+    value is then `below`, so −guard is listed, which is nonnegative in this case.
+
+    Parameters
+    ----------
+    constants : frozenset of str
+        Names of constants.
+    """
     guard = e.args[0]
     return -guard if e.strict and guard.symbols <= constants else guard
 
@@ -431,12 +442,12 @@ def minimum(a: Expr, b: Expr) -> Expr:
 
 
 def clip(x: Expr, low: Expr, high: Expr) -> Expr:
-    """`x` held between two bounds."""
+    """`x` limited to an interval."""
     return select(x - low, select(x - high, high, x), low)
 
 
 def derivative(expression: Expr, name: str) -> Expr:
-    """Partial derivative; within each region for functions with kinks."""
+    """Partial derivative; for functions with kinks, that of each region."""
     if name not in expression.symbols:
         return ZERO
     found = expression._derivatives.get(name)
@@ -467,7 +478,7 @@ def _derivative(e: Expr, name: str) -> Expr:
 
 
 def _slope_of_factor(e: Expr, base: Expr, p: float, name: str) -> Expr:
-    """A product times the relative slope of a factor."""
+    """The product e with its factor baseᵖ replaced by baseᵖ⁻¹ base′."""
     if p < 0.0:
         return multiply(e, _relative_slope(base, name))
     others = (power(other, num(q - 1.0 if other is base else q)) for other, q in e.terms)
@@ -475,8 +486,7 @@ def _slope_of_factor(e: Expr, base: Expr, p: float, name: str) -> Expr:
 
 
 def _relative_slope(base: Expr, name: str) -> Expr:
-    """The derivative of a divisor, divided by it; of a + c exp u and cosh u such that it does not
-    overflow."""
+    """base′/base; for a + c exp u and cosh u in a form that does not overflow."""
     if (relative := _relative(base)) is not None:
         return at(relative, base.args[0]) * derivative(base.args[0], name)
     growing = [(term, c) for term, c in base.terms_with(name) if _relative(term) is ONE]
@@ -489,7 +499,7 @@ def _relative_slope(base: Expr, name: str) -> Expr:
 
 
 def _relative(e: Expr) -> Expr | None:
-    """The derivative of a function divided by it, if its row has it."""
+    """The derivative of a function divided by the function, if the table has a formula for it."""
     return FUNCTIONS[e.op].relative_slope if e.op in FUNCTIONS else None
 
 
@@ -499,20 +509,20 @@ def at(body: Expr, argument: Expr) -> Expr:
 
 
 def has_pieces(e: Expr) -> bool:
-    """Whether a node has branches or jumps, which derivatives do not show."""
+    """Whether a node has branches or jumps, which do not appear in its derivative."""
     return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].jumps)
 
 
 def bends(e: Expr, names: Iterable[str]) -> bool:
-    """Whether an expression has branches or jumps in some names, which a constant derivative does
-    not show."""
+    """Whether an expression has branches or jumps in some names: it may then be nonlinear although
+    its derivatives are constant."""
     names = frozenset(names)
     return any(has_pieces(n) and n.symbols & names for n in walk([e]))
 
 
 def frequency(e: Expr) -> Expr | None:
-    """The angular frequency of a function that repeats: its phase, in radians, by time; None of
-    anything else."""
+    """The angular frequency of a periodic function of time, the time derivative of its phase in
+    radians; None for other expressions."""
     row = FUNCTIONS.get(e.op)
     if row is None or not row.period or "t" not in e.symbols:
         return None
@@ -522,11 +532,11 @@ def frequency(e: Expr) -> Expr | None:
 
 
 def turned(e: Expr, quarters: int) -> Expr:
-    """A function that repeats some quarters of its period later: of a sine or cosine as many
-    derivatives."""
+    """A periodic function, shifted in phase by some quarters of its period."""
     row = FUNCTIONS[e.op]
     if row.crest is None:
         return call(e.op, e.args[0] + 0.25 * (quarters % 4) * row.period)
+    # A derivative of a sine or cosine shifts it by a quarter, without rounding errors of π/2.
     body = call(e.op, sym(ARGUMENT))
     for _ in range(quarters % 4):
         body = derivative(body, ARGUMENT)
@@ -562,17 +572,17 @@ def rewrite(
     Parameters
     ----------
     change : callable
-        Says what a node becomes, or None if its parts are to be looked at.
+        Returns the replacement of a node, or None to continue with its parts.
     again : bool
-        Whether what a node becomes is looked at, too.
+        Whether replacements are rewritten as well.
     undefined : bool
-        Whether what becomes undefined or too large, such as 1/x at x = 0, stays as it is: it may
-        stand in a branch that is not taken.
+        Whether parts that become undefined or too large, such as 1/x at x = 0, are kept
+        unevaluated: they may belong to a branch that is not selected.
 
     Raises
     ------
     ArithmeticError
-        If a part becomes undefined or too large, unless it may.
+        If a part becomes undefined or too large, unless `undefined`.
     """
     memo: dict[Expr, Expr] = {}
 
@@ -591,9 +601,9 @@ def rewrite(
             return multiply(*(raised(visit(base), num(p)) for base, p in e.terms))
         args = [visit(a) for a in e.args]
         if e.op == "select":
-            return select(args[0], args[1], args[2], strict=e.strict)
+            return select(*args, strict=e.strict)
         if e.op == "pow":
-            return raised(args[0], args[1])
+            return raised(*args)
         try:
             return call(e.op, args[0])
         except ArithmeticError:
@@ -628,8 +638,7 @@ def walk(expressions: Iterable[Expr]) -> list[Expr]:
 
 
 def evaluate(expression: Expr, values: Mapping[str, float]) -> float:
-    """Number for given values of the names: infinite where it overflows, NaN where it is
-    undefined."""
+    """Value for given values of the names: infinite on overflow, NaN if undefined."""
     result: dict[Expr, float] = {}
     for e in walk([expression]):
         result[e] = _value(e, values, result)
@@ -637,8 +646,8 @@ def evaluate(expression: Expr, values: Mapping[str, float]) -> float:
 
 
 def _value(e: Expr, values: Mapping[str, float], known: Mapping[Expr, float]) -> float:
-    """Value of a node, with the operations, and in the order, of all other ways to compute it
-    (:func:`stickslip.symbolic.scalars.scalars_of`)."""
+    """Value of a node from those of its children. Operations and their order are the same as in
+    :func:`stickslip.symbolic.scalars.scalars_of`, so that all evaluations agree."""
     match e.op:
         case "num":
             return number(e)
@@ -662,11 +671,11 @@ def _value(e: Expr, values: Mapping[str, float], known: Mapping[Expr, float]) ->
                 return math.nan
             return above if guard > 0.0 or (guard == 0.0 and not e.strict) else below
         case _:
-            return FUNCTIONS[e.op].ieee(inside(e, known))
+            return FUNCTIONS[e.op].ieee(_argument(e, known))
 
 
-def inside(e: Expr, known: Mapping[Expr, float]) -> float:
-    """Value of the argument of a function."""
+def _argument(e: Expr, known: Mapping[Expr, float]) -> float:
+    """Value of the argument of a function; whole periods may be removed from it."""
     (x,) = e.args
     parts = wrapped_parts(e)
     if parts is None:
@@ -679,8 +688,11 @@ def inside(e: Expr, known: Mapping[Expr, float]) -> float:
 
 
 def wrapped_parts(e: Expr) -> Terms | None:
-    """Terms of an argument from which whole periods may be removed separately, if the argument
-    occurs only without its periods, so that these cost no digits."""
+    """Terms of the argument of a function that removes whole periods; None for other expressions.
+
+    Whole periods are removed from every term before the terms are added, so that large multiples of
+    the period do not reduce the accuracy of the sum.
+    """
     if e.op not in FUNCTIONS or e.args[0].op != "sum":
         return None
     row = FUNCTIONS[e.op]
@@ -688,8 +700,8 @@ def wrapped_parts(e: Expr) -> Terms | None:
 
 
 def real_power(base: float, p: float) -> float:
-    """A power, infinite where it overflows or has that limit, NaN where it is undefined: of a
-    negative number, if it is not whole, and at a pole between −∞ and ∞."""
+    """A power: infinite on overflow or if that is its limit; NaN for a negative base with a
+    fractional exponent, and at a pole at which the sign changes."""
     if p == 1.0:
         return base
     if p == 2.0:
@@ -717,7 +729,8 @@ def to_text(expression: Expr, longest: int = 2000) -> str:
 
 
 def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
-    """Text and binding strength: 1 sum, 2 product, 3 power, 4 number, 5 name or call."""
+    """Text and precedence: 1 sum, 2 product, 3 power, 4 number, 5 name or call; 0 is a negative
+    number."""
 
     def inner(x: Expr, level: int = 0) -> str:
         text, own = known[x]
@@ -747,24 +760,25 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
             return text, 2
         case "pow":
             return f"{inner(e.args[0], 4)}**{inner(e.args[1], 4)}", 3
-    from stickslip.symbolic.pieces import spelled
+    from stickslip.symbolic.pieces import as_call
 
-    if (call := spelled(e)) is not None:
-        return f"{call[0]}({', '.join(map(to_text, call[1]))})", 5
+    if (found := as_call(e)) is not None:
+        name, arguments = found
+        return f"{name}({', '.join(map(to_text, arguments))})", 5
     if e.op == "select":
-        if (name := _called(e)) is not None:
-            return f"{name}({known[e.args[1].args[0]][0]})", 5
+        if (table := _table_name(e)) is not None:
+            return f"{table}({known[e.args[1].args[0]][0]})", 5
         guard, above, below = (inner(a) for a in e.args)
         return f"piecewise({guard} {'>' if e.strict else '>='} 0, {above}, {below})", 5
-    if name := FUNCTIONS[e.op].called:
-        return f"{name}({known[e.args[0]][0]})", 5
+    if table := FUNCTIONS[e.op].called:
+        return f"{table}({known[e.args[0]][0]})", 5
     if typed := FUNCTIONS[e.op].typed:
         return f"({_ARGUMENT_OF_ROW.sub(inner(e.args[0], 5), typed)})", 5
     return f"{e.op}({inner(e.args[0])})", 5
 
 
-def _called(e: Expr) -> str | None:
-    """Name and arguments of a select between the pieces of a table, as in formulas."""
+def _table_name(e: Expr) -> str | None:
+    """Name of the table that a select evaluates piece by piece; None for other selects."""
     guard, above, below = e.args
     gate, one, other = (FUNCTIONS.get(x.op) for x in (guard, above, below))
     if gate is None or one is None or other is None or not gate.sampled:

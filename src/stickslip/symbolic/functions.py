@@ -1,17 +1,17 @@
 """The elementary functions of the formula language: one table, one row for each.
 
-What the library asks of a function it asks this table, so that a new function is a new row. A row
-says what nobody can derive: value, derivative, and how its values run. The rest follows from that:
+All properties of a function that the library uses are in this table, so a new function is a new
+row. A row contains the value, the derivative, and where the function is monotone. The rest is
+derived:
 
 * derivatives of all orders, and slopes on intervals, from the formula of the derivative;
-* enclosures from the values at the ends, where the function is monotone; else from the slope;
-* the Taylor series from the chain rule, y′ = f′(x) x′, with the series of that formula;
+* enclosures from the values at the ends if the function is monotone, otherwise from the slope;
+* the Taylor series from the chain rule, y′ = f′(x) x′, with the series of this formula;
 * bounds of the deviation on a complex disc, |f(z) − f(c)| ≤ r sup|f′|.
 
-A few functions are closer to their derivatives than that, and have a `recurrence` and a `growth` of
-their own. Whatever is not of this table is structure, not a function: sums and powers
-(:mod:`stickslip.symbolic.expressions`), and what has kinks and jumps
-(:mod:`stickslip.symbolic.pieces`).
+Functions with simple recurrences, such as exp and sin, have their own `recurrence` and `growth`.
+Sums and powers (:mod:`stickslip.symbolic.expressions`), and functions with kinks and jumps
+(:mod:`stickslip.symbolic.pieces`), are not in this table.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stickslip.symbolic.intervals import Interval
 
 ARGUMENT = "'x"
-"""The argument in the formula of a derivative: no formula of a user can name it."""
+"""Name of the argument in the formula of a derivative; formulas of users cannot contain it."""
 _QUARTER = math.pi / 2.0
 _ABOVE_QUARTER = math.nextafter(_QUARTER, 2.0)
 _ABOVE_HALF = math.nextafter(math.pi, 4.0)
@@ -39,7 +39,7 @@ _WITHOUT_TURNS = "2*atan(tan(x/2))"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Function:
-    """A row of the table: a function of one real argument, analytic where it is defined (kinks are
+    """A row of the table: a function of one real argument, analytic in its domain (kinks are
     expressed by selects).
 
     Attributes
@@ -47,51 +47,52 @@ class Function:
     name : str
         Its name in formulas.
     value : callable
-        float -> float, to a few units in the last place; raises ``ValueError`` where the function
-        is undefined.
+        float -> float, accurate to a few units in the last place; raises ``ValueError`` outside the
+        domain.
     derivative : str
-        Formula in ``x``, of other functions unless it has a recurrence of its own.
+        Formula in ``x``. It contains only other functions unless the row has a `recurrence`.
     shown : str
-        The same as a person writes it, and such that it is enclosed tightly: ``x`` stands in it
-        once, if that can be. By default the same text.
+        The derivative in a readable form with tight enclosures: ``x`` occurs once, if possible. By
+        default `derivative`.
     relative : str
-        The derivative divided by the function, if that is a simple formula: so the derivatives of
-        1/f do not overflow with f.
+        The derivative divided by the function, if this is a simple formula. Derivatives of 1/f then
+        do not overflow when f is large.
     formula : str
-        Value in machine code, a formula in ``x`` of others. By default the function of this name in
-        the mathematical library of C.
+        The value in machine code, as a formula in ``x`` of other functions. By default the function
+        of this name in the mathematical library of C.
     arrays : str
-        Where its function of arrays is, as ``"module:name"``. By default that of `formula`, or
-        `value` is called number by number.
+        The function of arrays, as ``"module:name"``. By default that of `formula`, or else `value`
+        is called for each number.
     latex : str
         By default the upright name.
     domain : (float, float)
-        Where it is defined.
+        Interval on which the function is defined.
     limits : (float, float) or None
-        What it comes to at the ends of the domain (of its half from 0, if it is even), rounded
-        outward, if it is monotone there: its values lie in between. With `poles` between two of
-        them.
+        Limits at the ends of the domain (of its half [0, ∞), if the function is even), rounded
+        outward, if the function is monotone: its values lie in between. With `poles`, the limits at
+        two neighbouring ones.
     exactly : (float, float) or None
-        A place at which a monotone function has a value without rounding. Odd ones have (0, 0).
+        A point, and the value of a monotone function there, without rounding errors. For odd
+        functions it is (0, 0).
     crest : float or None
-        Of a wave, between −1 and 1 with the period 2π: a place at which it is 1.
+        For a wave between −1 and 1 with the period 2π, a point at which its value is 1.
     poles : (float, float) or None
         A pole or a jump, and the distance to the next one.
     rises : bool
-        Whether it rises across its jumps, too.
+        Whether the function also increases across its jumps.
     period : float
-        After which it repeats, if it does; 0 if it does not.
+        0 if the function is not periodic.
     within : str
-        The argument without whole periods, a formula in ``x``: of what repeats.
+        The argument of a periodic function without whole periods, as a formula in ``x``.
     typed : str
-        Of a row that only pieces are made of (:mod:`stickslip.symbolic.pieces`): a formula in ``x``
-        for it, since formulas cannot name it. It is continued beyond its piece, so that its jumps
-        are never met; its enclosures hold for what it is in its piece.
+        For rows that occur only in functions with pieces (:mod:`stickslip.symbolic.pieces`) and
+        have no name in formulas: a formula in ``x``. Such a function is continued beyond its piece,
+        so that motions do not reach its jumps; its enclosures are valid in its piece.
     recurrence : str
-        How its Taylor series is made: an operation of :class:`stickslip.symbolic.tape.Op`.
+        Method for the Taylor series: an operation of :class:`stickslip.symbolic.tape.Op`.
     growth : str
-        Where a bound of |f(a + δ) − f(a)| for complex |δ| ≤ b stands: a function (row, a, b) of
-        arrays.
+        A function (row, a, b) of arrays, as ``"module:name"``, that bounds |f(a + δ) − f(a)| for
+        complex |δ| ≤ b.
     """
 
     name: str
@@ -117,7 +118,7 @@ class Function:
 
     @property
     def jumps(self) -> bool:
-        """Whether it changes in ways that its derivative does not show."""
+        """Whether it has jumps, which do not appear in its derivative."""
         return self.poles is not None
 
     @property
@@ -133,21 +134,21 @@ class Function:
 
     @property
     def sampled(self) -> bool:
-        """Whether it reports in which piece of a table a place is."""
+        """Whether its value is the piece of a table that contains the argument."""
         return False
 
     @property
     def called(self) -> str:
-        """Name in formulas, if it differs from its own."""
+        """Name in formulas, if it differs from `name`."""
         return ""
 
     @property
     def kinked(self) -> bool:
-        """Whether it reports the piece of a function with kinks in between."""
+        """Whether its value is a piece of a function that has kinks between its pieces."""
         return False
 
     def joins(self, above: Expr, below: Expr) -> bool:
-        """Whether it is a guard at which two branches are known to agree."""
+        """Whether it is a guard at whose zeros two branches are known to be equal."""
         return False
 
     def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
@@ -157,16 +158,16 @@ class Function:
 
     @property
     def fixed(self) -> tuple[float, float] | None:
-        """A place, and the value that a monotone function has there without rounding."""
+        """A point, and the value of a monotone function there, without rounding errors."""
         return (0.0, 0.0) if self.parity == "odd" and self.poles is None else self.exactly
 
     def __call__(self, x: float) -> float:
-        """The value; raises ``ValueError`` or ``OverflowError`` where there is none."""
+        """The value; raises ``ValueError`` outside the domain, and ``OverflowError``."""
         return self.value(x)
 
     def ieee(self, x: float) -> float:
-        """The value, with its limit in place of an overflow or at the end of the domain, and NaN
-        where it is undefined; functions with poles or periods have no limit."""
+        """The value: on overflow and at the ends of the domain the limit, and NaN if it is
+        undefined. Functions with poles or periods have no limit."""
         try:
             return self.value(x)
         except OverflowError:
@@ -204,7 +205,7 @@ class Function:
 
     @cached_property
     def made_of(self) -> Expr | None:
-        """Its value, an expression of :data:`ARGUMENT`, where C does not have it."""
+        """The value as an expression of :data:`ARGUMENT`; None if C has the function."""
         return self._read(self.formula) if self.formula else None
 
     @cached_property
@@ -219,7 +220,7 @@ class Function:
         Raises
         ------
         ValueError
-            If the series would have to be known before it is made.
+            If the derivative contains the function itself, without a `recurrence` for its series.
         """
         from stickslip.symbolic.expressions import walk
 
@@ -230,7 +231,7 @@ class Function:
 
     @cached_property
     def shown_slope(self) -> Expr:
-        """The derivative in the form that is printed and enclosed."""
+        """The derivative in the form for printing and for enclosures."""
         return self._read(self.shown) if self.shown else self.slope
 
     @cached_property

@@ -198,8 +198,8 @@ _WRAP, _EASE = "wrap", "ease"  # rows of the table
 
 
 @lru_cache(maxsize=4096)
-def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
-    """Name and arguments of a function with pieces, as in formulas; None if it is not
+def as_call(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
+    """Name and arguments of a function with pieces in the formula language; None if it is not
     recognised."""
     if e.op == _EASE:
         (u, *_) = (n for n in _branches(e.args[0]) if n.op != "num")
@@ -223,7 +223,7 @@ def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
 
 
 def _plain(u: Expr) -> Expr:
-    """The same with numbers of few digits where these are as good."""
+    """The same expression with numbers of few digits if these differ only by rounding."""
 
     def plain(number: float) -> float:
         short = float(f"{number:.12g}")
@@ -273,9 +273,8 @@ def periodic_form(e: Expr) -> Expr:
     of branches in front."""
 
     def change(node: Expr) -> Expr | None:
-        spelling = spelled(node)
-        if spelling is not None and STRUCTURES[spelling[0]].made is _floor:
-            u = spelling[1][0]
+        name, (u, *_) = as_call(node) or ("", (node,))
+        if name and STRUCTURES[name].made is _floor:
             return periodic_form(u - _fraction(u))
         if node.op == "select":
             made = ex.select(*map(periodic_form, node.args))

@@ -1,4 +1,5 @@
-"""Python functions that are part of the language, and the assembly of their calls."""
+"""Functions of Python, `math` and NumPy that the language of the engine contains, and the assembly
+of their calls."""
 
 from __future__ import annotations
 
@@ -37,12 +38,16 @@ REAL_FUNCTIONS: dict[Any, str] = {
     )
     for name in names.split()
 } | {fma: "llvm.fma.f64", np.power: "llvm.pow.f64"}
-"""Functions of real numbers: what LLVM or the mathematical library of C calls them."""
+"""Functions of real numbers, with their names in LLVM or in the mathematical library of C."""
 _OF_TWO = (math.atan2, math.hypot, math.fmod, math.copysign, math.pow, np.power)
 
 
 def _outside(f: Values, name: str, *given: Value) -> Register:
+    """Call a function of the library of C, or of LLVM, with real arguments."""
     return f.outside(REAL, name, *(f.cast(x, FLOAT).register for x in given), flags=f.flags)
+
+
+# Calls are checked against signatures: one function for each number of arguments.
 
 
 def _real(name: str, f: Values, x: Value, /) -> Value:
@@ -58,7 +63,7 @@ def _real_of_three(name: str, f: Values, x: Value, y: Value, z: Value, /) -> Val
 
 
 def _rounded(name: str, f: Values, x: Value, /) -> Value:
-    """A whole number, as math.floor and math.ceil give it."""
+    """An integer: the result of math.floor or math.ceil."""
     return f.cast(x, INT) if x.type in (INT, BOOL) else f.truncated(_real(name, f, x))
 
 
@@ -91,7 +96,7 @@ def _abs(f: Values, x: Value, /) -> Value:
 
 
 def _best(operation: str, f: Values, first: Value, /, *given: Value) -> Value:
-    """The first that no other is better than, as Python has it."""
+    """The result of max or min: the first argument that is not exceeded by another one."""
     best, *others = (first, *given) if given else f.parts(first) or [Value(NONE)]
     for other in others:
         type_ = joined(best.type, other.type)
@@ -119,10 +124,10 @@ def _frexp(f: Values, x: Value, /) -> Value:
 
 
 def _ldexp(f: Values, x: Value, n: Value, /) -> Value:
-    # larger exponents give zero or an infinity in any case
-    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, 9999)
-    few = f.converted(f.outside(WHOLE, "llvm.smax.i64", few, -9999), "i32")
-    return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, few))
+    # The exponent must fit into 32 bits; beyond ±9999 the result is 0 or infinite in any case.
+    limited = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, 9999)
+    limited = f.converted(f.outside(WHOLE, "llvm.smax.i64", limited, -9999), "i32")
+    return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, limited))
 
 
 def _row_of(f: Values, value: Value, i: Value, /) -> Value:
@@ -162,16 +167,17 @@ CALLS: dict[Any, Callable[..., Value]] = {
     row_of: _row_of,
     call_address: _call_address,
 }
-"""What they become."""
+"""Translators of calls, by function."""
 
 
-# -- what LLVM has no instruction for, in the language itself --------------------------------------
+# -- operations without an instruction of LLVM, in the language itself -----------------------------
 
 NAN = math.nan
 
 
 @compiled()
 def complex_div(a: complex, b: complex) -> complex:
+    """a/b by Smith's algorithm, which avoids overflow of |b|²; NaN if b is 0 or NaN."""
     if abs(b.real) >= abs(b.imag):
         ratio = b.imag / b.real
         denom = b.real + b.imag * ratio
@@ -185,6 +191,7 @@ def complex_div(a: complex, b: complex) -> complex:
 
 @compiled()
 def complex_exp(z: complex) -> complex:
+    """exp(z), for infinite and undefined parts as in C (annex G)."""
     x = z.real
     y = z.imag
     if math.isfinite(y) and x < math.inf:
@@ -205,6 +212,7 @@ def complex_exp(z: complex) -> complex:
 
 @compiled()
 def power_whole(a: float, b: int) -> float:
+    """aᵇ by repeated squaring; by ``math.pow`` for large exponents."""
     r = 1.0
     left = abs(b)
     if left > 0x10000 or left < 0:  # the smallest integer has no negative
@@ -219,6 +227,7 @@ def power_whole(a: float, b: int) -> float:
 
 @compiled()
 def real_mod(a: float, b: float) -> float:
+    """The remainder a % b, with the sign of b as in Python; NaN if b is 0."""
     if b == 0.0:
         return NAN
     m = math.fmod(a, b)
@@ -229,6 +238,7 @@ def real_mod(a: float, b: float) -> float:
 
 @compiled()
 def real_floordiv(a: float, b: float) -> float:
+    """The quotient a // b, rounded as in Python; NaN if b is 0."""
     if b == 0.0:
         return NAN
     m = math.fmod(a, b)

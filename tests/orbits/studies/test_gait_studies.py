@@ -111,3 +111,15 @@ def test_bad_arguments() -> None:
         gait_study(toy, "Q", [1.0])
     with pytest.raises(DeclarationError, match="not a range"):
         walking_threshold(toy, "P", (1.0, 0.5))
+    with pytest.raises(DeclarationError, match="values: the list is empty"):
+        gait_study(toy, "P", [])
+    for tolerance in (0.0, -1.0, np.inf):
+        with pytest.raises(DeclarationError, match=r"tolerance: .* is not a tolerance"):
+            sliding_threshold(toy, "P", (1.0, 2.0), initial=UPRIGHT, tolerance=tolerance)
+
+
+def test_bisection_ends_at_neighbouring_numbers() -> None:
+    """A tolerance below the spacing of numbers does not make the bisection endless."""
+    toy = catalogue.rocking_toy()
+    found = sliding_threshold(toy, "P", (1.0, 2.0), initial=UPRIGHT, tolerance=1e-300)
+    assert 0.0 < abs(found.moving - found.still) <= 2.0 * np.spacing(found.moving)

@@ -42,7 +42,7 @@ def explore_command(
             "--export",
             metavar="FILE",
             help="Write a page with stored motions, one .html file that works without this "
-            "program and without a network, and end.",
+            "program and without a network, and exit.",
         ),
     ] = None,
     over: Annotated[
@@ -62,7 +62,7 @@ def explore_command(
 
     With --export, motions and cycles are computed for all values and written into one file.
 
-    Exit code: 0 ended, 1 not every exported motion is certified, 2 wrong input, 130 interrupted.
+    Exit code: 0 done, 1 not every exported motion is certified, 2 wrong input, 130 interrupted.
     """
     if export is not None:
         _export(model, export, over, port)
@@ -89,7 +89,7 @@ def _export(model: str | None, path: Path, over: list[str] | None, port: int | N
     from stickslip.explorer.offline.page import export_page
 
     if model is None:
-        raise DeclarationError("MODEL", "no system was named", "Name one, like belt_block")
+        raise DeclarationError("MODEL", "the system is missing", "Name one, like belt_block")
     if port is not None:
         raise DeclarationError("--port", "an exported page needs no server", "Remove it")
     written = export_page(named_system(model), path, over, where="--export")

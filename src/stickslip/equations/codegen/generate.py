@@ -7,16 +7,16 @@ A system has six functions:
     parameters, in arrays of zeros;
 ``jets(t, y, mode, reg, K, Rq, Rz, N, W, A, B, mag)``
     Taylor coefficients of all rows up to order N along the motion in a mode, in powers of the time
-    that W holds as the rate of the clock (so that they neither overflow nor vanish); 0, or 1 if the
-    rates are not determined;
+    unit that W contains as the rate of the clock (so that they neither overflow nor underflow);
+    returns 0, or 1 if the rates are not determined;
 ``residual(t, y, mode, reg, K, G, P)``
-    how far sliding rate-independent contacts are from λ + σ s = 0, and the matrix to put them back;
+    residual λ + σ s of sliding rate-independent contacts, and the matrix that corrects it;
 ``powers(W, reg, K, out)``
     energy, dissipated power, supplied power at order 0;
 ``landings(W, reg, K, out)``
     new values of the state in all jumps, from order 0;
 ``supports(w, K, out)``
-    of each dissipation that is a formula, the support function of its forces at a vector w.
+    for each dissipation that is a formula, the support function of its forces at a vector w.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
 def soles_of(system: System) -> dict[str, str]:
     """The contact under each coordinate whose rate is its velocity, by its name in variables."""
     found: dict[str, str] = {}
-    named = {part: name for name, parts in system.rubbing.items() for part in parts}
+    named = {part: name for name, parts in system.frictional.items() for part in parts}
     for contact in system.declaration.contacts:
         (first, *others) = contact.direction or {"": 0.0}
         if first and not others and contact.name in named:
@@ -81,7 +81,7 @@ def soles_of(system: System) -> dict[str, str]:
 
 def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
     """Displacement of the surface under a contact."""
-    for name, parts in motion.system.rubbing.items():
+    for name, parts in motion.system.frictional.items():
         contact = motion.system.dry_contacts[parts[0]]
         if contact_key(name) == key and contact.surface_speed != 0.0:
             way = way_of(motion, contact.surface_speed, times)

@@ -83,7 +83,7 @@ def rubbing_unknowns(system: System, name: str, part: InModes) -> dict[int, list
     """Unknowns of a structure with contacts, by index, with the names of these in variables."""
     entry = re.compile(rf"\b(?:d_)?{re.escape(name)}\[\s*(\w+)\s*\]")
     found: dict[int, list[str]] = {}
-    for contact in system.rubbing:
+    for contact in system.frictional:
         declared = next((c for key, c in system.contacts.items() if key == contact), None)
         for unknown in dict.fromkeys(entry.findall(repr(declared))):
             found.setdefault(part.index(unknown), []).append(contact_key(contact))

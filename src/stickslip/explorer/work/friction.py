@@ -42,7 +42,7 @@ def effective_friction(request: Request, cancellation: Cancellation) -> Iterator
     modes = motion.modes
     shown = [
         (part, force_lines(parts, part), modes[contact_key(name)])
-        for name, parts in system.rubbing.items()
+        for name, parts in system.frictional.items()
         for part in parts
         if contact_key(name) in modes
     ]

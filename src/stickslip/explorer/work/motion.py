@@ -129,7 +129,7 @@ def _groups(
         for name in names[:_MOST_LINES]:
             by_unit.setdefault(unit_of(system, name), []).append(name)
         groups += [{"kind": kind, "names": own, "unit": unit} for unit, own in by_unit.items()]
-    for contact, parts in system.rubbing.items():
+    for contact, parts in system.frictional.items():
         key = contact_key(contact)
         if key not in contacts or len(groups) > _MOST_LINES:
             continue

@@ -1,4 +1,13 @@
-"""Storage of the closed forms of affine modes, and the work space of flights."""
+"""Storage of the closed forms of affine modes, and the work space of flights.
+
+In an affine mode the state and the drives form one vector s = (x, 1, t, cos ωₘt, sin ωₘt, …) with
+ṡ = S s. Guards and components of the state are *signals*,
+
+    g(τ) = g(0) + c₁ τ + c₂ τ² + Re Σ a r (exp(λτ) − 1) + Re Σ b (exp(iωₘτ) − 1) exp(iωₘt),
+
+with r = R s and c₁ linear in s, and λ the eigenvalues of the mode. A *flight* is the motion up to
+the first zero of a guard.
+"""
 
 from __future__ import annotations
 
@@ -22,20 +31,24 @@ from stickslip.motion.algebra.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
 
-_UNKNOWN = 0
+# Values of ClosedForms.status; 0 if the mode has not been analysed.
 AFFINE = 1
 SMOOTH = 2
+# Values of ClosedForms.held.
 SLIDES = 1
 STICKS = 2
 LEADING_ORDERS = 6
+"""Number of derivatives, beginning with order 0, that decide the sign of a guard."""
 STIFF_RATIO = 40.0
-"""Ratio of rates above which a mode is stiff: then flights are always faster than steps."""
+"""Ratio of rates above which a mode is stiff: flights are then always faster than steps."""
 FEW_COMPONENTS = 4
-"""Components of a state of which none is moved at so high an order that it is lost."""
+"""Number of components of a state up to which none is so small that the exponentials of which it is
+the sum cancel."""
 FACETS = 16
-"""Guards of a contact that sticks in a plane: sides of a polygon within its forces."""
-# largest number of contacts and kinks of a system with closed forms: the number of a mode fits into
-# 64 bits up to 39
+"""Number of guards of a contact that sticks in a plane: sides of a polygon within its set of
+forces."""
+# Largest number of contacts and kinks of a system with closed forms; the number of a mode would fit
+# into 64 bits up to 39.
 MOST_SWITCHES = 30
 # Columns of ClosedForms.counts.
 EXPONENTS, GUARDS, SEARCHED = range(3)
@@ -45,57 +58,57 @@ class ClosedForms(NamedTuple):
     """Closed forms of affine modes: one slot per mode, for each group of motions with the same
     parameters.
 
-    Rows of signals are the guards, then the components of the state; their number is that of all
-    guards that a mode may have, plus n.
+    Rows of signals are the guards, followed by the components of the state. There are as many rows
+    as the largest possible number of guards, plus n.
 
     Attributes
     ----------
     status, key, own : arrays of int
-        UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
+        AFFINE, SMOOTH (not affine) or 0 (not analysed); number of the mode; number of the slot.
     counts : array of int, shape (·, 3)
-        Numbers of EXPONENTS and of GUARDS, and how many of these are SEARCHED: flights stop
-        where the others may decrease to zero.
+        Number of EXPONENTS, of GUARDS, and of guards that are SEARCHED for zeros: a flight ends
+        where one of the others may decrease to zero.
     pace : array
-        Time, a power of two, near the shortest of the mode.
+        Unit of time of the mode: a power of two close to its shortest time scale.
     S : array
-        ṡ = S s, in units of that time.
+        Matrix of ṡ = S s, in this unit.
     exponent : array of complex
-        λ, without the conjugates.
+        The eigenvalues λ, one of each conjugate pair.
     tilt, sine : arrays
         arg λ, and its sine.
     R : array of complex
-        Amplitudes r = R s of the exponentials.
+        Matrix of the amplitudes r = R s of the exponentials.
     G, reach : arrays
-        Guards G s, and the sums of the rows of |G| |S|ᵏ.
+        Matrix of the guards G s, and the row sums of |G| |S|ᵏ, bounds of their k-th derivatives.
     felt : array
-        1 for each component of s that matters, else 0.
+        1 for each component of s on which rates or guards depend, otherwise 0.
     switch : array of int
         The number of each guard, as in :func:`stickslip.motion.modes.guards.scan`.
     c1, c2 : arrays
         Coefficients of the powers of τ in the signals: c₁ = c1·s, c₂ = c2.
     a, b : arrays of complex
-        Coefficients of the exponentials in the signals.
+        Coefficients of the exponentials and of the drives in the signals.
     swing : array
         Moduli of a, then of b.
     angle : array
         arg a.
     drifts, decays : arrays of int
-        1 where c₁ or c₂ may differ from zero, and where no exponential of a guard grows.
+        1 if c₁ or c₂ may differ from zero; 1 if no exponential of a guard grows.
     held : array of int
-        For each contact: SLIDES or STICKS if something must vanish, else 0.
+        For each contact, STICKS or SLIDES if `zero` vanishes in the mode, otherwise 0.
     zero : array
-        What must vanish, zero·s: u of sticking inertial, λ + σs of sliding rate-independent
-        contacts.
+        Quantity that vanishes, zero·s: u of sticking inertial contacts, λ + σs of sliding
+        rate-independent contacts.
     hold : array
         Correction of the velocities of a sticking contact.
     brake : array
-        Acceleration that its thresholds could give it, brake·s.
+        Largest acceleration by the thresholds of a contact, brake·s.
     used : array of int
-        Slots in use, by group.
+        Number of slots in use, by group.
     shortest : array
         Shortest time scale, 1/max |λ|.
     flown : array of int
-        1 where flights are faster than Taylor steps.
+        1 if flights are faster than Taylor steps.
     """
 
     status: IntVector
@@ -144,19 +157,19 @@ def make_closed_forms(
     Parameters
     ----------
     groups, slots : int
-        Groups of motions with the same parameters, and slots of each.
+        Number of groups of motions with the same parameters, and of slots per group.
     n, contacts, kinks : int
-        Components of the state, and switches of both sorts.
+        Numbers of components of the state, of contacts and of kinks.
     required : int
-        Rows that must not become negative.
+        Number of rows that must not become negative.
     waves : int
-        Frequencies of the drives.
+        Number of frequencies of the drives.
     planes : int
-        Contacts in a plane.
+        Number of contacts in a plane.
     """
     guards = kinks + 2 * contacts + required + FACETS * planes
     m = groups * slots
-    ns = n + 2 + 2 * waves
+    ns = n + 2 + 2 * waves  # components of s
     z = np.zeros
     i = np.int64
     c = np.complex128
@@ -196,13 +209,13 @@ def make_closed_forms(
 
 @compiled(inline=True)
 def slots_of(T: ClosedForms) -> int:
-    """Closed forms that each group may have."""
+    """Number of slots per group."""
     return len(T.status) // len(T.used)
 
 
 @compiled(inline=True)
 def form_of(T: ClosedForms, slot: int) -> ClosedForms:
-    """The closed form in a slot (no leading axis)."""
+    """The closed form in a slot: arrays without the leading axis."""
     return ClosedForms(
         T.status[slot],
         T.key[slot],
@@ -237,25 +250,26 @@ def form_of(T: ClosedForms, slot: int) -> ClosedForms:
 
 
 class Making(NamedTuple):
-    """Work space in which closed forms are made.
+    """Work space for the computation of closed forms.
 
     Attributes
     ----------
     moving, part, members : arrays of int, shape (n,)
-        1 for each component that moves; the connected part it belongs to, or what it is
-        instead; the components of one part.
+        1 for each component that moves; the connected part to which it belongs, or a negative code
+        if it is eliminated (:mod:`stickslip.motion.affine.blocks`); the components of one part.
     V, L : arrays of complex, shape (n, n)
-        Right eigenvectors (columns; of a conjugate pair, twice the one that is kept), and left ones
-        (rows): components that move are Re V w, w = L x.
+        Right eigenvectors (columns; for a conjugate pair, twice one of them) and left eigenvectors
+        (rows): the components that move are Re V w with w = L x.
     ramp : array of complex, shape (n, ns)
-        c₁ of w.
+        Coefficients c₁ of w.
     bend : array of complex, shape (n,)
-        c₂ of w.
+        Coefficients c₂ of w.
     up, down : arrays of complex, shape (n, waves)
-        What swings in w as exp(iωₘt) and as exp(−iωₘt).
+        Parts of w proportional to exp(iωₘt) and to exp(−iωₘt).
     ones : array, shape (2, ns)
+        Work space for `ClosedForms.reach`.
     kept : KeptModes
-        Eigenvectors of modes that this work space has seen.
+        Eigenvectors of modes computed earlier in this work space.
     """
 
     probes: Probes
@@ -274,7 +288,7 @@ class Making(NamedTuple):
 
 
 def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
-    """The same for closed forms."""
+    """Work space for the computation of closed forms; see :func:`make_flight`."""
     n = int(rows.sizes[DIMENSION])
     ns = n + 2 + 2 * waves
     z = np.zeros
@@ -314,12 +328,18 @@ class Flight(NamedTuple):
     spin : array of complex
         exp(iωₘt) at the beginning of the flight.
     a, b, z : arrays of complex
-        Amplitudes of one signal, and its exponentials where it is searched.
+        Amplitudes of one signal, and its exponentials at the time of the search.
     kind, lead, c, floor, guess : arrays
-        Of each guard: what kind of signal it is, its only exponential, its powers of τ, the
-        rounding error of its values, and about when it falls.
+        For each guard: the kind of the signal, the index of its only exponential, its coefficients
+        of powers of τ, the rounding error of its values, and an estimate of its zero.
+    taylor : array
+        Polynomial of a signal in one window of the search.
+    stack : array
+        Work space for the subdivision of this polynomial.
+    mode0, reg0 : arrays of int
+        Mode and region at the beginning of the flight.
     making : Making
-        In which new closed forms are made.
+        Work space for new closed forms.
     """
 
     v: Matrix
@@ -349,14 +369,16 @@ class Flight(NamedTuple):
 
 
 def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flight:
-    """Work space of the flights of a system with so many frequencies.
+    """Work space of the flights of a system.
 
     Parameters
     ----------
+    waves : int
+        Number of frequencies of the drives.
     timed : bool
-        Whether time acts on it.
+        Whether the rates depend on time.
     keeps : bool
-        Whether eigenvectors of modes are kept.
+        Whether eigenvectors of modes are stored for reuse.
     """
     z = np.zeros
     c = np.complex128

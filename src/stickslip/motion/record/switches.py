@@ -65,7 +65,7 @@ class Switches:
         (1 in a plane); for a contact that can open also 2 if open, and 3 if closed and
         frictionless."""
         mode = self.knots.slip
-        first = {name: contact_key(parts[0]) for name, parts in self.system.rubbing.items()}
+        first = {name: contact_key(parts[0]) for name, parts in self.system.frictional.items()}
         found = {
             contact_key(name): mode[:, self.contacts[key]]
             for name, key in first.items()

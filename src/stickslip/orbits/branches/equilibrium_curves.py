@@ -1,13 +1,14 @@
-"""Curves in two parameters along which an equilibrium keeps a Hopf or a fold point.
+"""Curves of Hopf points and of folds of equilibria in two parameters.
 
-Both are zeros of extended systems that are regular where the points are generic (Kuznetsov,
-*Elements of Applied Bifurcation Theory*, section 10.3), made symbolically from the field:
+They are zeros of extended systems, derived symbolically from the field f, which are regular at
+generic points (Kuznetsov, *Elements of Applied Bifurcation Theory*, section 10.3):
 
     fold   f = 0,  A v = 0,         ⟨v, v⟩ = 1
     Hopf   f = 0,  (A² + κ) v = 0,  ⟨v, v⟩ = 1,  ⟨c, v⟩ = 0,   κ = ω²
 
-with A = ∂f/∂y. A Hopf curve ends where κ vanishes, a Bogdanov-Takens point: beyond it, κ < 0 is a
-neutral saddle.
+with A = ∂f/∂y and a constant vector c. The conditions on v select one vector: of a line at a fold,
+of the plane of the critical eigenvectors at a Hopf point. A Hopf curve ends where κ vanishes, at a
+Bogdanov-Takens point; beyond it κ < 0, and the equilibrium is a neutral saddle.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STEPS = StepControl(first=0.005, largest=0.02)
-_BESIDE = 1e-4  # fraction of the range of a parameter over which eigenvalues are compared
+_DIFFERENCE = 1e-4  # fraction of the range of a parameter, for central differences of eigenvalues
 Numbers = Callable[[Array], dict[str, float]]
 
 
@@ -96,18 +97,19 @@ def hopf_curve(
     Returns
     -------
     Branch
-        With ``frequency`` and ``lyapunov`` at every point; the derivative of the growth rate of the
-        oscillation with respect to each parameter, ``growth_V``, so that the equilibrium is stable
-        on the side of decreasing growth; and ``unstable_others``, how many other eigenvalues are
-        unstable. Special points: ``"Bautin"`` (the first Lyapunov coefficient vanishes),
-        ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
+        At every point ``frequency`` and ``lyapunov``, the first Lyapunov coefficient; the
+        derivative of the growth rate of the oscillation with respect to each parameter, such as
+        ``growth_V`` (the equilibrium is stable on the side of decreasing growth); and
+        ``unstable_others``, the number of other unstable eigenvalues. Special points: ``"Bautin"``
+        (the Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency vanishes),
+        ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Raises
     ------
     DeclarationError
         If an argument is wrong.
     """
-    curve = _posed(system, "Hopf", point, (first, second), ranges)
+    curve = _checked(system, "Hopf", point, (first, second), ranges)
     return curve.branch(system, "Hopf points", _hopf_problem, steps or _STEPS)
 
 
@@ -137,8 +139,9 @@ def fold_curve(
     Returns
     -------
     Branch
-        Special points: ``"cusp"``, ``"Bogdanov-Takens"``, ``"zero-Hopf"``,
-        ``"boundary equilibrium"``.
+        At every point ``curvature``, ½⟨p, ∂²f(v, v)⟩ with the left null vector p of length 1.
+        Special points: ``"cusp"`` (the curvature vanishes), ``"Bogdanov-Takens"``,
+        ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Raises
     ------
@@ -146,29 +149,26 @@ def fold_curve(
         If an argument is wrong.
     """
     if isinstance(point, SpecialPoint) and point.kind == "fold" and point.period is not None:
-        begins = NOT_SMOOTH in point.note
+        reason = "it is a fold of cycles"
+        remedy = "use continue_cycle"
+        if NOT_SMOOTH in point.note:
+            reason += ", where the sequence of modes changes"
+            remedy = "continue the stick onset at the same value with stick_onset_curve"
         raise DeclarationError(
-            "point",
-            "it is a fold of cycles" + (", where the sequence of modes changes" if begins else ""),
-            "This function continues folds of equilibria; "
-            + (
-                "continue the stick onset at the same value with stick_onset_curve"
-                if begins
-                else "use continue_cycle"
-            ),
+            "point", reason, f"This function continues folds of equilibria; {remedy}"
         )
-    curve = _posed(system, "fold", point, (first, second), ranges)
+    curve = _checked(system, "fold", point, (first, second), ranges)
     return curve.branch(system, "folds", _fold_problem, steps or _STEPS)
 
 
-def _posed(
+def _checked(
     system: System,
     kind: str,
     point: SpecialPoint,
     names: tuple[str, str],
     ranges: Mapping[str, tuple[float, float]],
 ) -> _Curve:
-    """Check the arguments."""
+    """Check the arguments, and return the start of the curve."""
     equations = autonomous(system)
     if not isinstance(point, SpecialPoint) or point.kind != kind:
         given = (
@@ -205,22 +205,22 @@ def _posed(
 
 @dataclass(frozen=True)
 class _Extended:
-    """An extended system.
+    """An extended system. Its unknowns are the state, the vector v, κ of a Hopf point, and the two
+    parameters.
 
     Attributes
     ----------
-    residual : ResidualFunction
-        In the state, the vector v, further unknowns, and the two parameters.
     start : array
-        Its solution at the given point.
+        The solution at the given point.
     tests, numbers : functions
         Of the unknowns: test functions; numbers to report.
     endings : dict of str to str
         Test functions that end the curve.
     least : array
-        Least lengths that count in the unknowns; those of the parameters are their ranges.
-    beside : function, optional
-        Function of the unknowns: numbers to report for the other eigenvalues.
+        Smallest units of the unknowns; the units of the parameters are their ranges.
+    others : function, optional
+        Function of the unknowns: numbers that require eigenvalues, and eigenvalues at neighbouring
+        parameters. They are computed only for points that are reported.
     """
 
     residual: ResidualFunction
@@ -229,20 +229,21 @@ class _Extended:
     numbers: Numbers
     endings: dict[str, str]
     least: Array
-    beside: Numbers | None = None
+    others: Numbers | None = None
 
     def units(self, x: Array) -> Array:
         """Units of the unknowns."""
         return np.append(np.maximum(np.abs(x[:-2]), self.least[:-2]), self.least[-2:])
 
-    def settled(self, x: Array) -> Array:
+    def cleaned(self, x: Array) -> Array:
         """Unknowns with rounding errors set to zero."""
         return np.where(np.abs(x) <= ROUNDED_SUM * self.least, 0.0, x)
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A point of a curve, the test functions that vanish there, and whether it continues beyond."""
+class _CurvePoint:
+    """A point of a curve, the test functions that vanish there, and whether the curve continues
+    beyond it in another mode or region."""
 
     curve: _Curve
     problem: _Extended
@@ -262,12 +263,13 @@ class _Place:
         return self.problem.tests(self.x)[test]
 
 
-_Pose = Callable[["_Curve"], _Extended]
+_Extension = Callable[["_Curve"], _Extended]  # `_hopf_problem` or `_fold_problem`
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """Start of a curve in a mode and region, and its range."""
+    """A curve in one mode and region: the state y at its start, and the ranges of the two
+    parameters."""
 
     equations: MotionEquations
     steady: Steady
@@ -290,15 +292,16 @@ class _Curve:
         return [ex.sym(f"v:{i}") for i in range(self.n)]
 
     def image(self, u: list[Expr]) -> list[Expr]:
-        """A u."""
+        """The product A u."""
         rows = ([ex.derivative(f, x) for x in self.steady.field.state] for f in self.steady.rates)
         return [ex.add(*((d * v, 1.0) for d, v in zip(row, u, strict=True))) for row in rows]
 
-    def extended(self, conditions: list[Expr], *own: str) -> ResidualFunction:
-        """f = 0, the conditions, and ⟨v, v⟩ = 1."""
+    def extended(self, conditions: list[Expr], *further: str) -> ResidualFunction:
+        """Equations f = 0, the conditions, and ⟨v, v⟩ = 1, in the unknowns y, v, `further` names
+        and the two parameters."""
         v = self.vector()
         norm = ex.add(*((x * x, 1.0) for x in v)) - 1.0
-        unknowns = [*self.steady.field.state, *(str(x.value) for x in v), *own, *self.spans]
+        unknowns = [*self.steady.field.state, *(str(x.value) for x in v), *further, *self.spans]
         return ResidualFunction(
             [*self.steady.rates, *conditions, norm], unknowns, self.steady.values
         )
@@ -313,69 +316,73 @@ class _Curve:
 
     # -- following ---------------------------------------------------------------------------------
 
-    def branch(self, system: System, kind: str, pose: _Pose, steps: StepControl) -> Branch:
+    def branch(self, system: System, kind: str, extend: _Extension, steps: StepControl) -> Branch:
         """Follow the curve in both directions, through kinks at which the equations are
         continuous."""
-        problem = pose(self)
+        problem = extend(self)
         tangents: list[Array] = []
 
-        def side(sign: float) -> tuple[list[_Place], Ending]:
+        def side(sign: float) -> tuple[list[_CurvePoint], Ending]:
             towards = np.zeros(len(problem.start))
             towards[-2] = 1.0
+            # The second side starts opposite to the tangent at which the first one started.
             along = -tangents[0] if tangents else towards
-            places: list[_Place] = []
-            modes = count(1)
+            points: list[_CurvePoint] = []
+            pieces = count(1)
 
-            def onward(start: Start[_Place], path: Path) -> Start[_Place] | Ending:
+            def onward(start: Start[_CurvePoint], path: Path) -> Start[_CurvePoint] | Ending:
                 tangents.append(path.points[0].tangent)
-                beyond = start.of.curve.beyond(path, start.of.problem, pose, steps)
-                if next(modes) == MOST_PIECES:
+                beyond = start.of.curve.beyond(path, start.of.problem, extend, steps)
+                if next(pieces) == MOST_PIECES:
                     beyond = None
-                # The first point of a later stretch is the last one of the stretch before.
-                found = _places(start.of, path, beyond is not None)
-                places.extend(found[1 if places else 0 :])
+                # The first point of a later piece is the last one of the piece before.
+                found = _points_of(start.of, path, beyond is not None)
+                points.extend(found[1 if points else 0 :])
                 return path.ended if beyond is None else beyond
 
             start = self.start(problem, along, steps)
             ending = follow_branch(start, onward, "no further point was found")
-            if not places:
+            if not points:
                 raise StickslipError(ending.text)
-            return places, ending
+            return points, ending
 
         back, forth, ends = both_ways(side, 1.0)
-        places = joined(back, forth)
-        special = [_special(places, i, test) for i, p in enumerate(places) for test in p.tests]
+        points = joined(back, forth)
+        special = [_special(points, i, test) for i, p in enumerate(points) for test in p.tests]
         first, second = self.spans
-        found = worst([place.certificate for place in places])
-        inside = in_range(ranges(self.spans), [place.x for place in places])
+        found = worst([point.certificate for point in points])
+        inside = in_range(ranges(self.spans), [point.x for point in points])
         certificate = Certificate((*found.residuals, inside))
         return Branch(
             system,
             dict(self.steady.values),
             first,
-            lambda: _dataset(system, kind, places),
+            lambda: _dataset(system, kind, points),
             special,
             ends,
             with_special(certificate, special),
             second,
         )
 
-    def start(self, problem: _Extended, towards: Array, steps: StepControl) -> Start[_Place]:
-        """The piece in this mode and region."""
-        place = _Place(self, problem, problem.start)
-        return Start(place, self._problem(problem), problem.start, towards, steps)
+    def start(self, problem: _Extended, towards: Array, steps: StepControl) -> Start[_CurvePoint]:
+        """Start of the curve in this mode and region."""
+        point = _CurvePoint(self, problem, problem.start)
+        return Start(point, self._problem(problem), problem.start, towards, steps)
 
     def beyond(
-        self, path: Path, problem: _Extended, pose: _Pose, steps: StepControl
-    ) -> Start[_Place] | None:
-        """Continuation of the curve on the other side of the guard that ended a piece.
+        self, path: Path, problem: _Extended, extend: _Extension, steps: StepControl
+    ) -> Start[_CurvePoint] | None:
+        """Continuation of the curve on the other side of the guard that ended a piece; None if
+        there is none.
 
         Parameters
         ----------
+        path : Path
+            The piece that has ended.
         problem : _Extended
-            On that stretch.
+            Its extended system.
         """
-        test, x = path.ended.test, problem.settled(path.points[-1].x)
+        test, x = path.ended.test, problem.cleaned(path.points[-1].x)
         if not isinstance(test, int):
             return None
         guard = self.steady.field.guards[test]
@@ -384,24 +391,24 @@ class _Curve:
             field = mode_field(self.equations, *switched(self.steady.field, guard.switch, guard.to))
             other = Steady(field, values, self.steady.invariant, x[: self.n])
             curve = replace(self, steady=other, y=x[: self.n])
-            posed = pose(curve)
+            extended = extend(curve)
         except ZeroDivisionError:
             return None
-        z = posed.start
-        F, J = posed.residual(z)
+        z = extended.start
+        F, J = extended.residual(z)
         if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
             return None  # a table ends there
-        units = posed.units(z)
+        units = extended.units(z)
         tangent = tangent_beyond(other, guard, curve.point, (z, F, J), units, units, steps)
-        return None if tangent is None else curve.start(posed, tangent, steps)
+        return None if tangent is None else curve.start(extended, tangent, steps)
 
     def certificate(self, x: Array, problem: _Extended) -> Certificate:
         """Certificate of the equilibrium, with the residual of the conditions on its eigenvalue
         along the curve."""
         # A component that vanishes along the curve, such as a rate, has the rounding errors of its
         # terms, not of its value.
-        beside = np.where(problem.start == 0.0, problem.least, problem.start)
-        found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(beside))
+        sizes = np.where(problem.start == 0.0, problem.least, problem.start)
+        found, _ = certify_equilibrium(self.steady, self.point(x), beside=self.point(sizes))
         value, slopes = problem.residual(x)
         terms = np.abs(slopes) @ problem.units(x) + np.abs(value)
         left = float(np.max(np.abs(value) / np.where(terms > 0.0, terms, 1.0)))
@@ -410,7 +417,7 @@ class _Curve:
         )
 
     def _accept(self, last: Point, new: Point, problem: _Extended) -> None:
-        """Check that a point is certified; its guards are test functions.
+        """Check that a point is certified. Guards may vanish: they are test functions.
 
         Raises
         ------
@@ -422,21 +429,22 @@ class _Curve:
             raise Lost(f"the next point is {found.verdict}")
 
     def least(self, start: Array) -> Array:
-        """Smallest units of the unknowns of an extended system; that of the vector v is 1."""
-        floor = 0.2 * np.abs(start)
-        floor[: self.n] = self.steady.units(np.append(self.y, start[-2:]), self.spans)
-        floor[self.n : 2 * self.n] = 1.0
-        floor[-2:] = [high - low for low, high in self.spans.values()]
-        return floor
+        """Smallest units of the unknowns of an extended system; those of the vector v are 1."""
+        least = 0.2 * np.abs(start)  # of κ; all others are set below
+        least[: self.n] = self.steady.units(np.append(self.y, start[-2:]), self.spans)
+        least[self.n : 2 * self.n] = 1.0
+        least[-2:] = [high - low for low, high in self.spans.values()]
+        return least
 
     def _problem(self, problem: _Extended) -> CurveProblem:
-        """The problem of the curve for the driver."""
+        """The continuation problem of an extended system."""
 
         def tests(x: Array, tangent: Array) -> dict[Test, float]:
             margins = self.steady.guards(self.point(x))
             return {**problem.tests(x), **{i: float(g) for i, g in enumerate(margins)}}
 
-        # Equations of one size: otherwise rounding errors of large ones are added to small ones.
+        # Equations are scaled to the same size: otherwise rounding errors of large equations would
+        # dominate the corrections from small ones.
         _, slopes = problem.residual(problem.start)
         sizes = np.max(np.abs(slopes * problem.units(problem.start)), axis=1)
         sizes[sizes == 0.0] = 1.0
@@ -459,8 +467,8 @@ class _Curve:
 # -- results ---------------------------------------------------------------------------------------
 
 
-def _places(start: _Place, path: Path, continues: bool) -> list[_Place]:
-    """The points of a stretch."""
+def _points_of(start: _CurvePoint, path: Path, continues: bool) -> list[_CurvePoint]:
+    """The points of a piece; `continues` if another piece follows."""
     tests: dict[int, list[Test]] = {}
     for crossing in path.crossings:
         tests.setdefault(crossing.index, []).append(crossing.name)
@@ -468,7 +476,7 @@ def _places(start: _Place, path: Path, continues: bool) -> list[_Place]:
     return [
         replace(
             start,
-            x=start.problem.settled(p.x),
+            x=start.problem.cleaned(p.x),
             tests=tuple(tests.get(i, ())),
             continues=continues and i == last,
         )
@@ -476,56 +484,56 @@ def _places(start: _Place, path: Path, continues: bool) -> list[_Place]:
     ]
 
 
-def _special(places: list[_Place], index: int, test: Test) -> SpecialPoint:
-    place = places[index]
-    curve, problem, x = place.curve, place.problem, place.x
+def _special(points: list[_CurvePoint], index: int, test: Test) -> SpecialPoint:
+    """The special point at a zero of a test function."""
+    point = points[index]
+    curve, problem, x = point.curve, point.problem, point.x
     field, (first, _) = curve.steady.field, curve.spans
     kind, note = boundary_kind(curve.equations, curve.steady, test), ""
     if isinstance(test, int):
-        note = curve.guards[test] + ("; the curve continues" if place.continues else "")
+        note = curve.guards[test] + ("; the curve continues" if point.continues else "")
     state = dict(zip(field.state, map(float, x[: curve.n]), strict=True))
     data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
     where = (state, curve.values(x), field.mode, field.region, index)
-    # The size of a test function is that at the neighbouring points.
-    beside = [places[i] for i in (index - 1, index + 1) if 0 <= i < len(places)]
-    others = [abs(other.test(test)) for other in beside if other.curve is curve]
-    here = abs(place.test(test))
+    # The scale of a test function is its value at the neighbouring points.
+    neighbours = [points[i] for i in (index - 1, index + 1) if 0 <= i < len(points)]
+    scale = max((abs(p.test(test)) for p in neighbours if p.curve is curve), default=0.0)
+    here = abs(point.test(test))
     residuals = (
-        replace(place.certificate["extended equations"], limit=SOLVED_TO),
-        Residual(
-            "what vanishes", here / max(others, default=0.0) if any(others) else here, SOLVED_TO
-        ),
+        replace(point.certificate["extended equations"], limit=SOLVED_TO),
+        Residual("test function", here / scale if scale else here, SOLVED_TO),
     )
     return SpecialPoint(kind, first, float(x[-2]), *where, None, data, note, residuals)
 
 
-def _dataset(system: System, kind: str, places: list[_Place]) -> xarray.Dataset:
-    """Parameters, state, numbers of the family, and certificate of every point."""
+def _dataset(system: System, kind: str, points: list[_CurvePoint]) -> xarray.Dataset:
+    """Parameters, state, numbers of the extended system, and certificate of every point."""
     import xarray as xr
 
-    curve = places[0].curve
-    xs = np.array([place.x for place in places])
-    points = np.array([curve.point(x) for x in xs]).T
-    margin, defect = np.ones(len(places)), np.zeros(len(places))
+    curve = points[0].curve
+    xs = np.array([point.x for point in points])
+    columns = np.array([curve.point(x) for x in xs]).T
+    margin, defect = np.ones(len(points)), np.zeros(len(points))
     numbers: list[dict[str, float]] = []
-    for _, stretch in groupby(range(len(places)), key=lambda i: id(places[i].curve)):
-        own = list(stretch)
-        first = places[own[0]]
-        sizes = first.curve.steady.sizes(points[:, own], points)
+    for _, piece in groupby(range(len(points)), key=lambda i: id(points[i].curve)):
+        own = list(piece)
+        first = points[own[0]]
+        sizes = first.curve.steady.sizes(columns[:, own], columns)
         margin[own] = np.min(sizes.margins, axis=1, initial=1.0)
         defect[own] = sizes.defect
-        beside = first.problem.beside or (lambda x: {})
-        numbers += [first.problem.numbers(xs[i]) | beside(xs[i]) for i in own]
+        others = first.problem.others or (lambda x: {})
+        numbers += [first.problem.numbers(xs[i]) | others(xs[i]) for i in own]
     data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(curve.spans)}
     data |= {name: ("point", xs[:, i]) for i, name in enumerate(curve.steady.field.state)}
     data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
     data |= {"margin": ("point", margin), "defect": ("point", defect)}
-    certified = np.array([place.certificate.ok for place in places], np.int8)
+    certified = np.array([point.certificate.ok for point in points], np.int8)
     data |= {"certified": ("point", certified)}
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": kind})
 
 
 def _hopf_problem(curve: _Curve) -> _Extended:
+    """Extended system of Hopf points, with the unknown κ = ω² after y and v."""
     steady = curve.steady
     n = curve.n
     v = curve.vector()
@@ -534,7 +542,8 @@ def _hopf_problem(curve: _Curve) -> _Extended:
     eigenvalue, q = critical_pair(derivatives(curve.y, steady.values)[0])
     first = q.real / np.linalg.norm(q.real)
     other = q.imag - (q.imag @ first) * first
-    # In the plane of v, the direction perpendicular to the first v is excluded.
+    # The real plane of q and its conjugate is the null space of A² + κ. The condition ⟨c, v⟩ = 0
+    # excludes the direction in this plane that is perpendicular to the first v.
     across = ex.add(*((x, float(w)) for x, w in zip(v, other / np.linalg.norm(other), strict=True)))
     twice = curve.image(curve.image(v))
     residual = curve.extended(
@@ -552,14 +561,15 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         form = hopf(derivatives, x[:n], curve.values(x), steady.invariant)
         return {"frequency": form.frequency, "lyapunov": form.lyapunov}
 
-    def beside(x: Array) -> dict[str, float]:
-        """Values at the equilibria with other parameters."""
+    def others(x: Array) -> dict[str, float]:
+        """Number of other unstable eigenvalues, and derivatives of the real part of the critical
+        pair along the equilibria with other parameters, by central differences."""
         found = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
         rates = {"unstable_others": float(np.count_nonzero(found.real > 0.0))}
         linear = slopes(np.append(x[:n], x[-2:]))[1]
         for j, (name, (low, high)) in enumerate(curve.spans.items()):
             step = np.zeros(len(x))
-            step[j - 2] = _BESIDE * (high - low)
+            step[j - 2] = _DIFFERENCE * (high - low)
             # The equilibrium moves with the parameter by A dy = −∂f/∂p dp.
             step[:n] = np.linalg.lstsq(linear[:, :n], -linear[:, n + j] * step[j - 2])[0]
             ends = (_pair(steady.eigenvalues(curve.point(x + s * step)), x[2 * n]) for s in (1, -1))
@@ -568,15 +578,15 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         return rates
 
     def tests(x: Array) -> dict[str, float]:
-        others = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
+        eigenvalues = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
         return {
             "Bautin": numbers(x)["lyapunov"],
-            "zero-Hopf": float(np.prod(others).real),
+            "zero-Hopf": float(np.prod(eigenvalues).real),
             "Bogdanov-Takens": float(x[2 * n]),
         }
 
     ending = {"Bogdanov-Takens": "Bogdanov-Takens point: the frequency vanishes"}
-    return _Extended(residual, start, tests, numbers, ending, curve.least(start), beside)
+    return _Extended(residual, start, tests, numbers, ending, curve.least(start), others)
 
 
 def _pair(eigenvalues: Array, kappa: float) -> Array:
@@ -585,15 +595,17 @@ def _pair(eigenvalues: Array, kappa: float) -> Array:
 
 
 def _others(eigenvalues: Array, kappa: float) -> Array:
-    """All but these."""
+    """All eigenvalues except the two nearest to ±i√κ."""
     return eigenvalues[np.argsort(np.abs(eigenvalues**2 + kappa))[2:]]
 
 
 def _fold_problem(curve: _Curve) -> _Extended:
+    """Extended system of folds."""
     steady = curve.steady
     n = curve.n
     v = curve.vector()
     image = curve.image(v)
+    # The second derivative of f in the direction v.
     curvature = [
         ex.add(
             *((ex.derivative(a, x) * w, 1.0) for x, w in zip(steady.field.state, v, strict=True))
@@ -617,7 +629,8 @@ def _fold_problem(curve: _Curve) -> _Extended:
     start[n : 2 * n] = right
 
     def numbers(x: Array) -> dict[str, float]:
-        # The left null vector by a border that stays the same, so that its sign does.
+        # The left null vector p from a bordered matrix. The border is constant, so p does not
+        # change its sign along the curve.
         border = np.block([[matrix(x), left[:, None]], [right[None], np.zeros((1, 1))]])
         p = np.linalg.solve(border.T, np.append(np.zeros(n), 1.0))[:n]
         return {"curvature": float(0.5 * p @ second(x)[0] / np.linalg.norm(p))}

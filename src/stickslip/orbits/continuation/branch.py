@@ -238,6 +238,7 @@ class Branch(Result):
         special = [("special point", s.describe()) for s in without_knots(self.special)]
         return [("points", f"{len(values)}, {span}"), *shortened(special), ("ended", self.ended)]
 
+    @validated
     def plot(
         self, *quantities: str, ax: Axes | None = None, others: Sequence[Branch] = ()
     ) -> Figure:

@@ -410,6 +410,7 @@ class Cycle(Result):
             ]
         return rows
 
+    @validated
     def plot(
         self,
         *quantities: str,

@@ -1,18 +1,19 @@
-"""First variation where the state jumps: through impacts and declared jumps.
+"""Saltation matrices: first variations of a motion through impacts and declared jumps.
 
-At a knot with y⁺ = Δ(t, y⁻), neighbouring motions arrive slightly earlier or later: with the guard
-h,
+The state jumps from y⁻ to y⁺ = Δ(t, y⁻) when a guard h vanishes. Neighbouring motions reach the
+guard slightly earlier or later. With the rates f⁻ and f⁺ before and after the jump, a perturbation
+is multiplied by
 
     S = DΔ + (f⁺ − DΔ f⁻ − ∂ₜΔ) ∇hᵀ/(∂ₜh + ∇h·f⁻).
 
-The motion does not record which contacts take part in an impact, and which of them stick: among all
-maps admitted by the impact law (:func:`.impact_map`), the one is selected that leads to the state
-after the impact.
+The motion does not record which contacts take part in an impact, and which of them stick (the mode
+of the impact). Among the maps of all modes (:func:`.impact_map`), the one is selected that leads to
+the recorded state after the impact.
 
-Sequential impacts occur at one instant, and in neighbouring motions shortly after one another, in
-the same order: S is the product of the matrices of all impacts, each with the gap that closes and
-with the rates in between. If several open gaps close simultaneously, or approaches have equal
-energies, neighbouring motions have different orders, and there is no derivative.
+Sequential impacts occur at one instant; in neighbouring motions they follow each other after short
+times, in the same order. S is then the product of the matrices of all impacts, each with the gap
+that closes and with the rates in between. If several open gaps close simultaneously, or approaches
+have equal energies, the order differs between neighbouring motions, and there is no derivative.
 
 References
 ----------
@@ -22,7 +23,7 @@ R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical S
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice, product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -49,21 +50,24 @@ _UNEXPLAINED = "the impulses do not depend smoothly on the state before the impa
 _AT_ONCE = "several contacts close at once, in a different order in neighbouring motions"
 _CHANGES = "an impulse is exactly zero or at its threshold, which neighbouring motions do not share"
 _TOO_MANY = "the sequence of impacts does not end"
-_MOST_TURNS = 400  # largest number of sequential impacts
+_MOST_IN_SEQUENCE = 400  # largest number of sequential impacts
 _NONE_LEFT = 1e-28  # energy of an approach, relative to the first one, that counts as zero
 _EQUAL = 1e-8  # relative difference of energies of approach that counts as zero
-_MOST_COMPARED = 128  # largest number of modes of an impact that are compared
+_MOST_COMPARED = 128  # largest number of modes of an impact whose derivatives are compared
 _CORNER = 1e-9  # relative error of a jump up to which two modes are both considered to explain it …
 _APART = 1e-6  # … and relative difference of their derivatives above which they are different
 _CLOSED = 1e-10  # gap, relative to the coordinates, below which a contact is closed
 _SAME = 1e-7  # error of a jump, relative to the velocities, that is accepted …
-_EXACT = 1e-11  # … and that counts as zero
+_EXACT = 1e-11  # … and error that counts as zero
 _MOST_MODES = 4096  # largest number of modes of an impact that are tried
+_At = tuple[float, Array, Array]  # t, y, p
+_Closing = tuple[int, frozenset[int]]  # a contact that closes, and those without restitution
+_NONE = frozenset[int]()
 
 
 class Landing(NamedTuple):
-    """A map of the state at a point: its value, and derivatives by time and by state and free
-    parameter, shape (n, columns)."""
+    """Value of a map of the state, and its derivatives with respect to time, and to state and free
+    parameters, shape (n, columns)."""
 
     after: Array
     time: Array
@@ -78,16 +82,23 @@ class Saltation(NamedTuple):
     matrix : array, shape (columns, columns)
     late : array, shape (columns,)
         Derivatives of the time of the jump.
-    exists : bool
-        False if a guard vanishes without speed (grazing), or no impulse explains the jump.
     why : str
-        Reason why it does not exist.
+        Reason why there is no derivative; empty if it exists.
     """
 
     matrix: Array
     late: Array
-    exists: bool
-    why: str = TOUCHED
+    why: str = ""
+
+    @property
+    def exists(self) -> bool:
+        """Whether the derivative exists."""
+        return not self.why
+
+
+def _missing(columns: int, why: str) -> Saltation:
+    """The result if there is no derivative: the identity."""
+    return Saltation(np.eye(columns), np.zeros(columns), why)
 
 
 class StateMap:
@@ -98,7 +109,7 @@ class StateMap:
     piece : Piece
         Before the jump.
     after : sequence of Expr
-        The new state.
+        The new state, as expressions of the one before.
     """
 
     def __init__(self, piece: Piece, after: Sequence[Expr]) -> None:
@@ -126,17 +137,18 @@ def saltation(
     Parameters
     ----------
     here : Leave
-        The guards right before it.
+        The guards right before the event.
     sides : (Piece, Piece)
-        Before and after it.
+        The pieces before and after the event.
     p : array, shape (parameters,)
     pieces : Pieces
-        All of them.
+        All pieces of the motion.
     """
     left, right = sides
     t, y = event.time, event.before
     k = motion.knots
     n, columns = len(y), len(left.columns)
+    after = k.state[event.knot]
     switch = int(k.cause[event.knot])
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
@@ -146,47 +158,42 @@ def saltation(
     else:
         near = _near(equations, left, (t, y, p), contact)
         others = [c for c in near if c != contact and left.field.mode[c] != 0]
-        at_once = any(left.velocity(c, t, y, p)[0] < 0.0 for c in others)
-        in_turn = motion.system.impacts == "in turn" and event.last == event.knot
-        if not at_once and in_turn and len(near) > 1:
-            return _in_turn(equations, motion, event, sides, (near, contact), p, pieces)
-        found = _impact(equations, sides, event, k.state[event.knot], contact, p)
-        after = k.state[event.knot]
-        none = frozenset[int]()
-        if found is None or at_once:
-            why = _AT_ONCE if at_once else _UNEXPLAINED
-            return Saltation(np.eye(columns), np.zeros(columns), False, why)
-        if _is_corner(equations, left, (t, y, after), (contact, none), found, p):
-            return Saltation(np.eye(columns), np.zeros(columns), False, _CHANGES)
-    S = np.eye(columns)
+        if any(left.velocity(c, t, y, p)[0] < 0.0 for c in others):
+            return _missing(columns, _AT_ONCE)
+        in_sequence = motion.system.impacts == "in turn" and event.last == event.knot
+        if in_sequence and len(near) > 1:
+            return _sequential(equations, motion, event, sides, (near, contact), p, pieces)
+        found = _impact(equations, sides, event, after, contact, p)
+        if found is None:
+            return _missing(columns, _UNEXPLAINED)
+        if _is_corner(equations, left, (t, y, after), (contact, _NONE), found, p):
+            return _missing(columns, _CHANGES)
     if not abs(here.fall[g]) > TANGENT * here.terms[g]:
-        return Saltation(S, np.zeros(columns), False)
+        return _missing(columns, TOUCHED)
+    S = np.eye(columns)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
-    # a group of impacts that are treated together has a duration
+    # A group of impacts that are treated together has a duration.
     several = event.last > event.knot
-    after = found.after if several else k.state[event.knot]
+    if several:
+        after = found.after
     late = right.rates(t, after, p) - D @ here.rates - found.time
     earlier = here.slopes[g] / here.fall[g]
     S[:n] += np.outer(late, earlier)
     if several:
-        lasting = float(k.time[event.last] - k.time[event.knot])
+        duration = float(k.time[event.last] - k.time[event.knot])
         J = right.jacobian(np.array([t]), after[:, None], p)[0]
-        S[:n] += lasting * (J @ S)
-    return Saltation(S, -earlier, True)
+        S[:n] += duration * (J @ S)
+    return Saltation(S, -earlier)
 
 
-def _near(
-    equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array], contact: int
-) -> list[int]:
-    """The closed contacts when one closes, including this one.
+def _near(equations: MotionEquations, piece: Piece, at: _At, contact: int) -> list[int]:
+    """The closed contacts at the time when one closes, including this one.
 
     Parameters
     ----------
     piece : Piece
-        Before.
-    at : (float, array, array)
-        t, y, p.
+        Before the impact.
     """
     found: list[int] = []
     for c, each in enumerate(equations.contacts):
@@ -202,7 +209,12 @@ def _near(
     return found
 
 
-def _in_turn(
+def _without_restitution(right: Piece, contact: int) -> frozenset[int]:
+    """The contact that has closed if it stays closed after the impact; otherwise nothing."""
+    return frozenset([contact]) if right.field.mode[contact] == 0 else _NONE
+
+
+def _sequential(
     equations: MotionEquations,
     motion: Trajectory,
     event: Discontinuity,
@@ -216,7 +228,7 @@ def _in_turn(
     Parameters
     ----------
     sides : (Piece, Piece)
-        Before and after them.
+        The pieces before and after the impacts.
     closed : list of int, and int
         Contacts that are closed, and the one that has just closed.
     p : array, shape (parameters,)
@@ -226,27 +238,25 @@ def _in_turn(
     t = event.time
     n, columns = len(event.before), len(left.columns)
     after = motion.knots.state[event.knot]
-    none = Saltation(np.eye(columns), np.zeros(columns), False, _UNEXPLAINED)
     size = float(np.max(np.abs(after - event.before), initial=0.0))
-    rests = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
-    for settled in dict.fromkeys([frozenset[int](), rests]):
+    for settled in dict.fromkeys([_NONE, _without_restitution(right, contact)]):
         S, late = np.eye(columns), np.zeros(columns)
         y, rates = event.before, left.rates(t, event.before, p)
         energies = _energies(equations, left, near, (t, y, p))
         first = max(energies.values())
-        for turn in range(_MOST_TURNS):
+        for number in range(_MOST_IN_SEQUENCE):
             c = max(near, key=lambda i: energies[i])
             equal = [i for i in near if energies[i] >= (1.0 - _EQUAL) * energies[c]]
-            if len(equal) > 1 or (turn == 0 and c != contact):
-                return none._replace(why=_AT_ONCE)
+            if len(equal) > 1 or (number == 0 and c != contact):
+                return _missing(columns, _AT_ONCE)
             found = _one_impact(equations, left, (t, y, p), (c, settled))
             if found is None:
                 break
-            if _meets(left, [i for i in near if i != c], (t, y, p), found):
-                return none._replace(why=_CHANGES)
+            if _leaves_at_rest(left, [i for i in near if i != c], (t, y, p), found):
+                return _missing(columns, _CHANGES)
             gap = left.gap(c, t, y, p)
-            # A neighbour arrives later by −δg/ġ, and moves at the rates before in between instead
-            # of those after.
+            # A neighbour arrives later by −δg/ġ. In between it moves at the rates before the
+            # impact instead of those after it.
             fall = gap[1] + float(gap[2 : 2 + n] @ rates)
             y = found.after
             energies = _energies(equations, left, near, (t, y, p))
@@ -257,24 +267,22 @@ def _in_turn(
             D = found.slopes[:, :n]
             jump[:n] = found.slopes
             jump[:n] += np.outer(onward - D @ rates - found.time, gap[2:] / fall)
-            if turn == 0:
+            if number == 0:
                 late = -gap[2:] / fall
             S, rates = jump @ S, onward
             if ends:
-                known = _SAME * size + FEW_ROUNDINGS * float(np.max(np.abs(y)))
-                if float(np.max(np.abs(y - after))) <= known:
-                    return Saltation(S, late, True)
+                accepted = _SAME * size + FEW_ROUNDINGS * float(np.max(np.abs(y)))
+                if float(np.max(np.abs(y - after))) <= accepted:
+                    return Saltation(S, late)
                 break
         else:
-            return none._replace(why=_TOO_MANY)
-    return none
+            return _missing(columns, _TOO_MANY)
+    return _missing(columns, _UNEXPLAINED)
 
 
-def _meets(
-    piece: Piece, others: list[int], at: tuple[float, Array, Array], landing: Landing
-) -> bool:
+def _leaves_at_rest(piece: Piece, others: list[int], at: _At, landing: Landing) -> bool:
     """Return whether an impact leaves another contact, which it moves, with velocity exactly zero:
-    it then closes in some neighbouring motions, but not in others.
+    this contact then closes in some neighbouring motions, but not in others.
 
     Parameters
     ----------
@@ -282,8 +290,8 @@ def _meets(
         Before the impacts.
     others : list of int
         Closed contacts.
-    at : (float, array, array)
-        t, y, p before this one.
+    at : _At
+        Before this impact.
     """
     n, columns = len(landing.after), len(piece.columns)
     full = np.eye(columns)
@@ -306,17 +314,9 @@ def _meets(
 
 
 def _energies(
-    equations: MotionEquations, piece: Piece, near: list[int], at: tuple[float, Array, Array]
+    equations: MotionEquations, piece: Piece, near: list[int], at: _At
 ) -> dict[int, float]:
-    """Twice the kinetic energy that the approach of each contact carries.
-
-    Parameters
-    ----------
-    near : list of int
-        Contacts.
-    at : (float, array, array)
-        t, y, p.
-    """
+    """Twice the kinetic energy of the approach of each contact in `near`."""
     moving = [piece.field.state.index(f"d_{q}") for q in equations.declaration.inertial]
     M = mass_at(equations, piece, at)
     found: dict[int, float] = {}
@@ -330,10 +330,7 @@ def _energies(
 
 
 def _one_impact(
-    equations: MotionEquations,
-    piece: Piece,
-    at: tuple[float, Array, Array],
-    closing: tuple[int, frozenset[int]],
+    equations: MotionEquations, piece: Piece, at: _At, closing: _Closing
 ) -> Landing | None:
     """The map of the impact of a single contact: its friction continues to slip, if possible, or
     sticks.
@@ -342,33 +339,24 @@ def _one_impact(
     ----------
     piece : Piece
         Before the impacts.
-    at : (float, array, array)
-        t, y, p.
-    closing : int and frozenset of int
-        The contact, and those that have lost their restitution.
     """
     contact, settled = closing
+    rubs = [i for i in range(len(equations.contacts)) if contact in equations.pressing(i)]
     stuck: Landing | None = None
-    for mode in _modes(equations, {contact}):
-        if mode[contact] != 0:
-            continue
-        try:
-            found = _impact_map(equations, piece, mode, settled)(*at)
-        except ZeroDivisionError:
-            continue
-        rubs = [i for i in range(len(mode)) if contact in equations.pressing(i)]
+    modes = (mode for mode in _modes(equations, {contact}) if mode[contact] == 0)
+    for mode, found in _landings(equations, piece, modes, settled, at):
         slides = [i for i in rubs if mode[i] != 0]
         if not np.all(np.isfinite(found.after)):
             continue
         if not slides:
             stuck = found
             continue
+        if len(slides) < len(rubs):
+            continue
         before, after = (
             np.array([piece.velocity(i, at[0], y, at[2])[0] for i in slides])
             for y in (at[1], found.after)
         )
-        if len(slides) < len(rubs):
-            continue
         planar = all(equations.contacts[i].plane for i in slides)
         sense = before if planar else np.array([mode[i] for i in slides])
         if abs(mode[slides[0]]) == 1 and float(sense @ after) > 0.0:
@@ -377,13 +365,9 @@ def _one_impact(
 
 
 def _between(
-    equations: MotionEquations,
-    left: Piece,
-    near: list[int],
-    at: tuple[float, Array, Array],
-    pieces: Pieces,
+    equations: MotionEquations, left: Piece, near: list[int], at: _At, pieces: Pieces
 ) -> Piece:
-    """The motion between two sequential impacts: contacts that neither approach nor recede stay
+    """The piece between two sequential impacts: contacts that neither approach nor recede stay
     closed.
 
     Parameters
@@ -392,8 +376,6 @@ def _between(
         Before the impacts.
     near : list of int
         Contacts that are closed.
-    at : (float, array, array)
-        t, y, p.
     """
     mode = np.array(left.field.mode, np.int8)
     speed = {c: abs(float(left.velocity(c, *at)[0])) for c in near}
@@ -407,7 +389,7 @@ def _between(
 
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
-    """The map of a declared jump, cached, in the region after the zero of its guard."""
+    """The map of a declared jump, in the region that its guard enters; cached."""
     made: dict[int, StateMap] = kept(piece, "jumps")
     if jump not in made:
         declared = equations.jumps[jump]
@@ -427,21 +409,23 @@ def _impact(
     contact: int,
     p: Array,
 ) -> Landing | None:
-    """The map of an impact, at the state before; None if no impulse leads to the state after.
+    """The map of an impact, at the state before it; None if no impulse leads to the state after it.
 
     Parameters
     ----------
     pieces : (Piece, Piece)
-        Before and after it.
+        Before and after the impact.
     after : array, shape (n,)
+        State after the impact.
     contact : int
-        That has closed.
+        The contact that has closed.
     p : array, shape (parameters,)
     """
     left, right = pieces
     t, y = event.time, event.before
-    settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
-    recorded = settled if event.last == event.knot else frozenset[int]()
+    settled = _without_restitution(right, contact)
+    # In a group of impacts, the recorded state is that after the first one, with restitution.
+    recorded = settled if event.last == event.knot else _NONE
     mode, landing = _mode_of(equations, left, (t, y, after), (contact, recorded), p)
     if mode is None or recorded == settled:
         return landing
@@ -452,41 +436,35 @@ def _mode_of(
     equations: MotionEquations,
     left: Piece,
     jump: tuple[float, Array, Array],
-    closing: tuple[int, frozenset[int]],
+    closing: _Closing,
     p: Array,
 ) -> tuple[Mode | None, Landing | None]:
-    """The mode of an impact that explains a jump, and the state after it; None if there is none.
+    """The mode of an impact that explains a jump, and its map; None if there is none.
 
     Parameters
     ----------
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)
-        Time, and the states before and after.
-    closing : int and frozenset of int
-        The contact that has closed, and those that have lost their restitution.
+        Time, and the states before and after the impact.
     p : array, shape (parameters,)
     """
     t, y, after = jump
     contact, settled = closing
     size = float(np.max(np.abs(after - y), initial=0.0))
-    closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
-    # Usually it is the previous mode, which is accepted if it agrees up to rounding.
-    latest: dict[tuple[int, frozenset[int]], Mode] = kept(left, "latest impacts")
-    candidates = islice(_modes(equations, {*closed, contact}), _MOST_MODES)
+    # Usually it is the mode of the previous impact, which is accepted if it agrees up to rounding.
+    latest: dict[_Closing, Mode] = kept(left, "latest impacts")
+    near = {*_closed(equations, left), contact}
+    candidates = islice(_modes(equations, near), _MOST_MODES)
     if closing in latest:
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None
     landing: Landing | None = None
     least = _SAME * size + FEW_ROUNDINGS * float(np.max(np.abs(y)))
-    for mode in candidates:
-        try:
-            found = _impact_map(equations, left, mode, settled)(t, y, p)
-        except ZeroDivisionError:
-            continue
-        off = float(np.max(np.abs(found.after - after)))
-        if off < least:
-            best, landing, least = mode, found, off
+    for mode, found in _landings(equations, left, candidates, settled, (t, y, p)):
+        error = float(np.max(np.abs(found.after - after)))
+        if error < least:
+            best, landing, least = mode, found, error
         if least <= _EXACT * size:
             break
     if best is not None:
@@ -498,7 +476,7 @@ def _is_corner(
     equations: MotionEquations,
     left: Piece,
     jump: tuple[float, Array, Array],
-    closing: tuple[int, frozenset[int]],
+    closing: _Closing,
     landing: Landing,
     p: Array,
 ) -> bool:
@@ -510,28 +488,23 @@ def _is_corner(
     left : Piece
         Before the impact.
     jump : float and two arrays, shape (n,)
-        Time, and the states before and after.
-    closing : int and frozenset of int
-        The contact that has closed, and those that have lost their restitution.
+        Time, and the states before and after the impact.
     landing : Landing
-        By one of the modes.
+        The map of one of the modes.
     p : array, shape (parameters,)
     """
     t, y, after = jump
     contact, settled = closing
-    size = _CORNER * float(np.max(np.abs(after - y), initial=0.0))
-    closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
-    if not closed - {contact} or size < FEW_ROUNDINGS * float(np.max(np.abs(y))):
+    accepted = _CORNER * float(np.max(np.abs(after - y), initial=0.0))
+    closed = _closed(equations, left)
+    if not closed - {contact} or accepted < FEW_ROUNDINGS * float(np.max(np.abs(y))):
         return False
     scale = float(np.max(np.abs(landing.slopes)))
     bounds = left.bounds(t, y, p).slopes
-    for mode in islice(_modes(equations, {*closed, contact}), _MOST_COMPARED):
-        try:
-            found = _impact_map(equations, left, mode, settled)(t, y, p)
-        except ZeroDivisionError:
-            continue
-        if float(np.max(np.abs(found.after - after))) <= size:
-            # for neighbours that keep closed contacts closed
+    modes = islice(_modes(equations, {*closed, contact}), _MOST_COMPARED)
+    for _, found in _landings(equations, left, modes, settled, (t, y, p)):
+        if float(np.max(np.abs(found.after - after))) <= accepted:
+            # Only derivatives in directions that keep closed contacts closed are compared.
             apart = found.slopes - landing.slopes
             if len(bounds):
                 apart = apart - np.linalg.lstsq(bounds.T, apart.T, rcond=None)[0].T @ bounds
@@ -540,8 +513,28 @@ def _is_corner(
     return False
 
 
+def _closed(equations: MotionEquations, piece: Piece) -> set[int]:
+    """Contacts that can open and are closed in a piece."""
+    return {i for i, c in enumerate(equations.contacts) if c.opens and piece.field.mode[i] == 0}
+
+
+def _landings(
+    equations: MotionEquations,
+    piece: Piece,
+    modes: Iterable[Mode],
+    settled: frozenset[int],
+    at: _At,
+) -> Iterator[tuple[Mode, Landing]]:
+    """The maps of an impact in some modes, except those without a unique impulse."""
+    for mode in modes:
+        try:
+            yield mode, _impact_map(equations, piece, mode, settled)(*at)
+        except ZeroDivisionError:
+            continue
+
+
 def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
-    """The modes of an impact of some contacts, each of which may take part or not."""
+    """The modes of an impact of the contacts in `near`, each of which may take part or not."""
     choices: list[tuple[int, ...]] = []
     for i, c in enumerate(equations.contacts):
         rubs = bool(set(equations.pressing(i)) & near)
@@ -550,7 +543,8 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
             sliding += 2, -2
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
-        # A contact that does not take part has a single mode, and components slip together.
+        # Components of a contact in a plane slip together. Friction without a normal impulse has no
+        # effect: of its modes only one is listed.
         apart = any(len({mode[i] for i in own}) > 1 for own in equations.directions.values())
         if not apart and all(
             mode[i] == 1
@@ -563,7 +557,7 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
 def _impact_map(
     equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
 ) -> StateMap:
-    """The map of an impact, cached."""
+    """The map of an impact in a mode; cached."""
     made: dict[tuple[Mode, frozenset[int]], StateMap] = kept(piece, "impacts")
     if (mode, settled) not in made:
         after = impact_map(equations, mode, piece.field.region, settled)

@@ -32,7 +32,7 @@ from stickslip.numerics.levels import ROUNDED_TERM, TANGENT, TINIEST
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at
-from stickslip.orbits.fields.saltation import Saltation
+from stickslip.orbits.fields.saltation import TOUCHED, Saltation
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def through(
     Parameters
     ----------
     pieces : (Piece, Piece)
-        Before and after it.
+        The pieces before and after the knot.
     p : array, shape (parameters,)
     """
     left, right = pieces
@@ -70,7 +70,7 @@ def through(
     stopped, begun = _events(equations, pieces, (t, y, p))
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
-    none = Saltation(S, np.zeros(columns), False)
+    none = Saltation(S, np.zeros(columns), TOUCHED)
     if len({equations.sharing.get(c, -1 - c) for c in {*stopped, *begun}}) != 1:
         return none
     # A contact that passes through rest without stopping does so for neighbours, too, if it can
@@ -109,8 +109,8 @@ def through(
     if not begun:
         S = _at_rest(equations, right, (t, y, p)) @ S
     elif len(begun) > 1 and not stopped and not left.field.shared.intersection(begun):
-        return none  # they meet here by chance
-    return Saltation(S, -earlier, True)
+        return none  # in neighbouring motions they begin at different times
+    return Saltation(S, -earlier)
 
 
 def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:

@@ -417,13 +417,13 @@ def _relative_phase(c: _Changing, of: str) -> _Value:
 def _stick_fraction(c: _Changing, of: str) -> _Value:
     """Derivative of the fraction of time in which all contacts stick, or one contact."""
     problem, system = c.motion.problem, c.cycle.system
-    if of and of not in system.rubbing:
+    if of and of not in system.frictional:
         raise DeclarationError(
-            f"of: stick_fraction:{short(of)}", "unknown contact", suggestion(of, system.rubbing)
+            f"of: stick_fraction:{short(of)}", "unknown contact", suggestion(of, system.frictional)
         )
     if not of:
         return c.time_in(lambda mode: stands(problem.rows, mode)) / c.period
-    number = c.equations.numbers[system.rubbing[of][0]]
+    number = c.equations.numbers[system.frictional[of][0]]
     return c.time_in(lambda mode: resting(int(mode[number]))) / c.period
 
 
@@ -432,11 +432,13 @@ def _energy(c: _Changing, of: str) -> _Value:
     if not of:
         return c.dissipated
     system = c.cycle.system
-    if of not in system.rubbing:
+    if of not in system.frictional:
         raise DeclarationError(
-            f"of: energy_per_cycle:{short(of)}", "unknown contact", suggestion(of, system.rubbing)
+            f"of: energy_per_cycle:{short(of)}",
+            "unknown contact",
+            suggestion(of, system.frictional),
         )
-    keys = map(contact_key, system.rubbing[of])
+    keys = map(contact_key, system.frictional[of])
     power = " + ".join(f"friction_{key}*slip_speed_{key}" for key in keys)
     return c.integral(c.observed(f"-({power})"))
 

@@ -187,6 +187,7 @@ class Backbone(Result):
             *shortened([("note", note) for note in self.notes]),
         ]
 
+    @validated
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
         """Plot the frequency against the amplitude with the damping below, or other quantities.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from stickslip.arguments import validated
+from stickslip.arguments import check_tolerances, validated
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -37,16 +37,17 @@ State = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Threshold:
-    """Threshold of a parameter at which a system begins to move.
+    """Value of a parameter at which a system begins to move.
 
     Attributes
     ----------
     still, moving : float
-        The values found nearest to each other, without and with motion.
+        The two ends of the final bracket: the system rests, or has no stable gait, at `still`, and
+        moves at `moving`.
     gait : Cycle or None
         The motion at `moving`, if it is a gait.
     reason : str
-        What happens at `still`.
+        Why the system does not move at `still`.
     """
 
     parameter: str
@@ -57,7 +58,7 @@ class Threshold:
 
     @property
     def value(self) -> float:
-        """The middle of the two."""
+        """Midpoint of `still` and `moving`."""
         return 0.5 * (self.still + self.moving)
 
 
@@ -72,7 +73,7 @@ class GaitStudy(Result):
     parameters : dict of str to float
         Values of the other parameters.
     dataset : xarray.Dataset
-        Over the parameter.
+        Over the parameter; :func:`gait_study` lists its variables.
     certificate : Certificate
         The largest value of every residual over all gaits.
     """
@@ -112,10 +113,10 @@ class GaitStudy(Result):
     def message(self) -> str:
         """Range in which the system walks, and reasons for its end."""
         notes = [str(note) for note in np.unique(self.dataset["note"].values) if note]
-        return "; ".join([self._where, *notes])
+        return "; ".join([self._walking_range, *notes])
 
     @property
-    def _where(self) -> str:
+    def _walking_range(self) -> str:
         values = self.dataset[self.parameter].values[self.dataset["walks"].values.astype(bool)]
         if not len(values):
             return "it does not walk at any value"
@@ -131,7 +132,7 @@ class GaitStudy(Result):
         speed = self.dataset["speed"]
         low = f"{float(speed.min()):.6g}"
         high = with_unit(float(speed.max()), speed.attrs["units"], 6)
-        return [("gait", self._where), ("speed", f"{low} to {high}")]
+        return [("gait", self._walking_range), ("speed", f"{low} to {high}")]
 
     def overview(self, ax: Axes | None = None) -> Figure:
         """Plot speed and period against the parameter; only the speed if axes are given."""
@@ -155,21 +156,22 @@ def gait_study(
     system : System
     parameter : str
     values : sequence of float
+        At least one, in the order in which the gaits are computed.
     initial : mapping of str to float, optional
         Initial state of the search for the first gait; by default the declared one. Each further
         search starts from the previous gait.
     parameters : mapping of str to float, optional
-        Values of the others.
+        Values of the other parameters.
     progress : callable, optional
         Called with the completed fraction before each gait.
 
     Returns
     -------
     GaitStudy
-        Its dataset has over the parameter: ``walks``, and ``speed``, ``period``, ``stride`` (drift
-        in a period), ``largest_multiplier`` (modulus), ``energy_per_distance`` and ``amplitude_…``
-        (half the range) of the states that do not drift. All are 0 if no gait was found; ``note``
-        gives the reason.
+        Variables of its dataset over the parameter: ``walks``, ``speed``, ``period``, ``stride``
+        (drift in a period), ``largest_multiplier`` (modulus), ``energy_per_distance``, and
+        ``amplitude_…`` (half the range) of the states that do not drift. All are 0 if no gait was
+        found; ``note`` gives the reason.
 
     Raises
     ------
@@ -178,6 +180,9 @@ def gait_study(
     """
     import xarray as xr
 
+    values = list(values)  # an iterator can be consumed only once
+    if not values:
+        raise DeclarationError("values", "the list is empty", "Give at least one value")
     checked_values(system, parameters)
     names = [x for x in system.declaration.state if x not in system.plain.translation]
     rows: list[dict[str, object]] = []
@@ -193,22 +198,19 @@ def gait_study(
                 certificates.append(found.certificate)
             rows.append(_row(found, names))
     units = {
-        "speed": _along_unit(system, True),
-        "stride": _along_unit(system, False),
+        "speed": _drift_unit(system, rate=True),
+        "stride": _drift_unit(system, rate=False),
         "period": system.time_unit,
     }
-    data = {
+    columns = {
         name: (parameter, np.array([row[name] for row in rows]), {"units": units.get(name) or "1"})
         for name in rows[0]
     }
     for name in names:
-        data[f"amplitude_{name}"][2].update(quantity(system, name))
-    coordinate = (
-        parameter,
-        np.asarray(values, float),
-        {"units": system.parameters[parameter].unit or "1"},
-    )
-    data = xr.Dataset(data, {parameter: coordinate}, {"title": system.title or system.name})
+        columns[f"amplitude_{name}"][2].update(quantity(system, name))
+    unit = {"units": system.parameters[parameter].unit or "1"}
+    coordinates = {parameter: (parameter, np.asarray(values, float), unit)}
+    data = xr.Dataset(columns, coordinates, {"title": system.title or system.name})
     certificate = worst(certificates) if certificates else NOTHING
     fixed = {**system.values, **(parameters or {})}
     return GaitStudy(system, parameter, fixed, data, certificate)
@@ -238,9 +240,9 @@ def walking_threshold(
     initial : mapping of str to float, optional
         Initial state of the search for the gait; by default the declared one.
     parameters : mapping of str to float, optional
-        Values of the others.
+        Values of the other parameters.
     tolerance : float
-        Tolerance of the parameter, relative to the range.
+        Final distance of `still` and `moving`, relative to the range.
 
     Raises
     ------
@@ -286,6 +288,7 @@ def sliding_threshold(
     def test(value: float, last: Cycle | None) -> Cycle | str | None:
         problem = pose(system, {**(parameters or {}), parameter: value})
         motion = follow_freely(problem, *system.span, problem.initial_state(initial))
+        # Mode 0 is stick. Without a bounded rate the system slips immediately.
         slides = motion.outcome is Outcome.NO_BOUNDED_RATE or bool(np.any(motion.knots.mode))
         return None if slides else "all contacts stick"
 
@@ -299,60 +302,75 @@ def _bisect(
     test: Callable[[float, Cycle | None], Cycle | str | None],
     tolerance: float,
 ) -> Threshold:
-    """Bisect the span; `test` returns a reason (str) if nothing moves."""
-    ends = checked_range(system, parameter, span)
-    low, high = (test(end, None) for end in ends)
-    if isinstance(low, str) == isinstance(high, str):
-        what = (
-            f"the system stays at rest at both ends of the range ({low})"
-            if isinstance(low, str)
+    """Bisect the span.
+
+    Parameters
+    ----------
+    test : callable
+        Function of a parameter value and the gait at the previous moving end. Returns a reason
+        (str) if the system does not move; otherwise the gait, or None if the motion is not one.
+    """
+    check_tolerances(tolerance=tolerance)
+    low, high = checked_range(system, parameter, span)
+    at_low, at_high = test(low, None), test(high, None)
+    if isinstance(at_low, str) and not isinstance(at_high, str):
+        still, reason, moving, gait = low, at_low, high, at_high
+    elif isinstance(at_high, str) and not isinstance(at_low, str):
+        still, reason, moving, gait = high, at_high, low, at_low
+    else:
+        why = (
+            f"the system stays at rest at both ends of the range ({at_low})"
+            if isinstance(at_low, str)
             else "the system moves at both ends of the range"
         )
         raise DeclarationError(
-            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Choose a range in which this changes"
+            parameter, f"{why}: ({low:g}, {high:g})", "Choose a range in which this changes"
         )
-    (still, reason), (moving, motion) = sorted(
-        zip(ends, (low, high), strict=True), key=lambda e: not isinstance(e[1], str)
-    )
-    while abs(moving - still) > tolerance * (ends[1] - ends[0]):
+    while abs(moving - still) > tolerance * (high - low):
         middle = 0.5 * (still + moving)
-        found = test(middle, motion if isinstance(motion, Cycle) else None)
+        if middle in (still, moving):
+            break  # no number is in between
+        found = test(middle, gait)
         if isinstance(found, str):
             still, reason = middle, found
         else:
-            moving, motion = middle, found
-    return Threshold(
-        parameter, still, moving, motion if isinstance(motion, Cycle) else None, str(reason)
-    )
+            moving, gait = middle, found
+    return Threshold(parameter, still, moving, gait, reason)
 
 
 def _gait(
     system: System, last: Cycle | None, start: State | None, values: Mapping[str, float]
 ) -> Cycle | str:
-    """The stable gait near the last one, otherwise that of the motion from there or from the
-    start."""
-    starts = [*([last] if last else []), _held(system, last.state if last else start, values)]
+    """The stable gait, or the reason why none was found.
+
+    If the previous gait `last` is given, the search starts from this cycle and then, should it
+    fail, from the motion that begins in its state; otherwise from the motion that begins at
+    `start`.
+    """
+    state = _admissible(system, last.state if last else start, values)
     reason = ""
-    for origin in starts:
+    for origin in [last, state] if last else [state]:
         try:
             found = find_cycle(system, origin, parameters=dict(values))
         except ConvergenceError as failure:
             reason = str(failure)
             continue
-        if found.drift and found.stable and found.trajectory.certificate.ok:
+        if not found.drift:
+            fault = "no gait"
+        elif not found.stable:
+            fault = "unstable"
+        elif not found.trajectory.certificate.ok:
+            fault = "not certified"
+        else:
             return found
-        reason = f"a cycle of period {found.period:.6g} that is " + (
-            "not certified"
-            if found.drift and found.stable
-            else "unstable"
-            if found.drift
-            else "no gait"
-        )
+        reason = f"a cycle of period {found.period:.6g} that is {fault}"
     return reason
 
 
-def _held(system: System, start: State | None, values: Mapping[str, float]) -> dict[str, float]:
-    """A start in the stable set of the rate-independent coordinates."""
+def _admissible(
+    system: System, start: State | None, values: Mapping[str, float]
+) -> dict[str, float]:
+    """Move the rate-independent coordinates of a start into their stable set."""
     problem = pose(system, values)
     y = problem.initial_state(start or {})[None]
     settle_friction(derive(system.declaration), problem.parameters, y)
@@ -360,17 +378,14 @@ def _held(system: System, start: State | None, values: Mapping[str, float]) -> d
 
 
 def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
-    """Numbers of a gait."""
+    """Row of the dataset for a gait, or for the reason why there is none."""
+    amplitudes = {f"amplitude_{x}": 0.0 for x in names}
     if isinstance(found, str):
-        zero = dict.fromkeys(
-            ["speed", "period", "stride", "largest_multiplier", "energy_per_distance"], 0.0
-        )
-        return {
-            "walks": False,
-            **zero,
-            **dict.fromkeys([f"amplitude_{x}" for x in names], 0.0),
-            "note": found,
-        }
+        numbers = ("speed", "period", "stride", "largest_multiplier", "energy_per_distance")
+        return {"walks": False, **dict.fromkeys(numbers, 0.0), **amplitudes, "note": found}
+    for x in names:
+        low, high = found.extrema[x]
+        amplitudes[f"amplitude_{x}"] = 0.5 * (high - low)
     return {
         "walks": True,
         "speed": found.speed,
@@ -378,12 +393,12 @@ def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
         "stride": found.drift,
         "largest_multiplier": float(np.max(np.abs(found.nontrivial), initial=0.0)),
         "energy_per_distance": found.energy_per_distance,
-        **{f"amplitude_{x}": 0.5 * (found.extrema[x][1] - found.extrema[x][0]) for x in names},
+        **amplitudes,
         "note": "",
     }
 
 
-def _along_unit(system: System, rate: bool) -> str:
-    """Unit of a shift along the translation, or of its rate."""
+def _drift_unit(system: System, *, rate: bool) -> str:
+    """Unit of the drift of a gait, or of its speed."""
     name = next((x for x, weight in system.plain.translation.items() if weight), "")
     return quantity(system, f"d_{name}" if rate else name).get("units", "1") if name else "1"

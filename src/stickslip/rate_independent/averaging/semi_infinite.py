@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import check_tolerances
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import ConvergenceError
 from stickslip.kept import cached_property
 from stickslip.numerics.golden import golden_section
 from stickslip.numerics.levels import FEW_ROUNDINGS, LAST_DIGITS
@@ -74,10 +75,7 @@ class Intersection(Average):
     tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0):
-            raise DeclarationError(
-                "tolerance", f"{self.tolerance} is not positive", "Give, for example, 1e-8"
-            )
+        check_tolerances(tolerance=self.tolerance)
 
     @property
     def dimension(self) -> int:

@@ -97,7 +97,7 @@ class FormulaSets(Dissipation):
         xi = self._search.at(v, others).gradient
         if np.isfinite(xi).all():
             return xi
-        # On a kink of a root: the gradient nearby belongs to v, too, up to the tilt.
+        # At a kink of a root, a gradient nearby is in the subdifferential at v up to the tilt.
         way = np.random.default_rng(0).uniform(0.5, 1.0, self.dimension) * np.abs(v).max()
         for tilt in _TILTS:
             xi = self._search.at(v + tilt * way, others).gradient
@@ -187,13 +187,13 @@ class FormulaSets(Dissipation):
     def _nearest(
         self, xi: Array, s: float, M: Array | None, start: Array | None = None
     ) -> tuple[Array, Normal | None]:
-        """The nearest point, with the normal to K(s) there; None if ξ is inside, or the normal is
-        not accurate to rounding."""
+        """The nearest point, and the normal to K(s) at this point; None if ξ is inside, or if the
+        normal is not accurate to machine precision."""
         if float(np.linalg.norm(xi)) <= self.inradius:
             return xi.copy(), None
         others = self._others(s)
         W = np.eye(self.dimension) if M is None else np.linalg.inv(M)
-        found = self._search.found(xi, W, others, start)
+        found = self._search.find(xi, W, others, start)
         if found is not None:
             return found.y, found
         inside = self._inside(xi, s, None)
@@ -206,7 +206,7 @@ class FormulaSets(Dissipation):
                 return xi.copy(), None
             if float(np.abs(away).max()) <= ROUNDED_SUM * float(np.abs(xi).max()):
                 break
-            found = self._search.found(xi, W, others, away if M is None else M @ away)
+            found = self._search.find(xi, W, others, away if M is None else M @ away)
             if found is not None:
                 return found.y, found
         return y, None
@@ -218,7 +218,7 @@ class FormulaSets(Dissipation):
         ----------
         xi : ndarray of shape (n,)
         start : ndarray of shape (n,), optional
-            What was normal for a force and a phase close by.
+            The normal for a similar force and phase.
         """
         length = float(np.linalg.norm(xi))
         if length <= self.inradius:
@@ -266,7 +266,7 @@ class FormulaSets(Dissipation):
         """Boundary point of K(s) on the ray through ξ ≠ 0; None if it is not found to rounding."""
         others = self._others(s)
         for begin in (start, None) if start is not None else (None,):
-            found = self._search.found(xi, None, others, begin)
+            found = self._search.find(xi, None, others, begin)
             if found is not None:
                 return found
         # From outside, where the normal to K(s) is determined.
@@ -279,7 +279,7 @@ class FormulaSets(Dissipation):
             slope = float(v @ direction)
             if slope <= _COARSE * reach:
                 return None
-            found = self._search.found(xi, None, others, v)
+            found = self._search.find(xi, None, others, v)
             if found is not None:
                 return found
             reach = min(reach, self.support(v, s) / slope)

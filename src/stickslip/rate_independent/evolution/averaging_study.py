@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from stickslip.arguments import validated
+from stickslip.arguments import check_tolerances, validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -16,7 +16,6 @@ from stickslip.kept import cached_property
 from stickslip.progress import reporting
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
-from stickslip.rate_independent.evolution.evolve import check_tolerances
 from stickslip.results import CERTIFICATE, TEXT, Completion, Result, shortened
 from stickslip.symbolic.formulas import is_finite
 

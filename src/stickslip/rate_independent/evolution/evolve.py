@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import validated
+from stickslip.arguments import check_tolerances, validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.numerics.levels import SAME_VALUE, WHOLE_COUNT
@@ -26,7 +26,6 @@ from stickslip.rate_independent.evolution.evolution import STABLE_WITHIN, Evolut
 from stickslip.rate_independent.evolution.history import History
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.solvers.choose import choose_solver
-from stickslip.symbolic.formulas import is_finite
 
 if TYPE_CHECKING:
     import xarray
@@ -137,15 +136,6 @@ def nearest_stable(problem: Evolution) -> Array:
     solver = choose_solver(problem, None, STABLE_WITHIN / 2.0)
     states, _ = solver.advance(problem.initial, problem.ell.over(times), problem.sets(times))
     return states[0]
-
-
-def check_tolerances(**given: float) -> None:
-    """Reject invalid tolerances."""
-    for name, value in given.items():
-        if not (is_finite(value) and value > 0.0):
-            raise DeclarationError(
-                name, f"{value!r} is not a tolerance", "Give a small positive number"
-            )
 
 
 def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array, bool]:

@@ -1,4 +1,8 @@
-"""Levels of an algebraic multigrid hierarchy whose operators follow the set of moving nodes."""
+"""Levels of an algebraic multigrid hierarchy whose operators are restricted to the moving nodes.
+
+Interpolations are computed once, from the complete operator. When the set of moving nodes changes,
+the operators of all levels are updated by Galerkin products (truncation).
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,8 @@ from stickslip.rate_independent.solvers.smoothing import (
 from stickslip.rate_independent.solvers.truncation import Truncation, galerkin, gather, truncate
 
 _DENSE = 300  # number of unknowns up to which the last level is solved by a dense factorisation
-_RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
+# added to the unit diagonal of the last level: truncation can make coarse operators singular
+_RIDGE = 1e-12
 
 
 @dataclass(eq=False)
@@ -33,7 +38,7 @@ class Level:
     truncated : Truncation
         H has the pattern of A.
     x, b, rest : array (nodes, m)
-        Of a V-cycle: solution, right-hand side, b − H x.
+        Solution, right-hand side and residual b − H x of a V-cycle.
     place : array (nodes,) of int
         Work space.
     """
@@ -60,7 +65,7 @@ class Level:
 
     @property
     def H(self) -> BlockRows:
-        """A without the nodes at rest."""
+        """A with the rows and columns of the nodes at rest set to zero."""
         return self.truncated.H
 
     @property
@@ -74,7 +79,7 @@ class Level:
 
 
 class Transfer(NamedTuple):
-    """Interpolation P from a level to the finer one, the same for every component, and its
+    """Interpolation P from a level to the next finer one, the same for every component, and its
     transpose R."""
 
     P: NodeRows
@@ -83,13 +88,13 @@ class Transfer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """Cholesky factor of H on the last level, scaled to a unit diagonal: LLᵀ = S H S; empty rows
-    are those of I.
+    """Cholesky factor of H on the last level, scaled to a unit diagonal: LLᵀ = S H S. Empty rows of
+    H are replaced by rows of the identity.
 
     Attributes
     ----------
     scale : array (unknowns,)
-        The diagonal matrix S.
+        Diagonal of S.
     """
 
     L: Array
@@ -97,8 +102,8 @@ class Factor:
 
     @classmethod
     def of(cls, level: Level) -> Factor:
-        """Factorise, with the least ridge on the diagonal that makes H definite in spite of
-        rounding."""
+        """Factorise H, with a ridge on the diagonal that makes it positive definite in spite of
+        rounding errors."""
         from scipy.linalg import cholesky
         from scipy.sparse import bsr_array
 
@@ -126,22 +131,22 @@ class Factor:
 
 
 class Hierarchy:
-    """Levels from the finest to the coarsest, made once, and V-cycles over them.
+    """Levels from the finest to the coarsest, and V-cycles over them.
 
     Parameters
     ----------
     A : BlockRows
         The operator on the finest level.
     nodal : scipy.sparse.csr_array (nodes, nodes)
-        One number for every pair of nodes, from which the levels are made (classical Ruge–Stüben
-        coarsening).
+        A scalar operator with one entry per block of A, from which the coarse levels are computed
+        by classical Ruge–Stüben coarsening.
 
     Attributes
     ----------
     transfers : list of Transfer
         transfers[k] between levels[k] and levels[k + 1].
     factor : Factor or None
-        Of the last level; None where coarsening ended early.
+        Of the last level; None if this level is too large for a dense factorisation.
     """
 
     def __init__(self, A: BlockRows, nodal: Any) -> None:
@@ -153,19 +158,21 @@ class Hierarchy:
         self.transfers: list[Transfer] = []
         pattern = abs(nodal)
         for fine, _ in pairwise(made):
-            # Entries that cancel in R A P are stored all the same: they do not cancel once A is
+            # The pattern contains entries that cancel in R A P, because they do not cancel if A is
             # truncated.
             pattern = (abs(fine.R) @ pattern @ abs(fine.P)).tocsr()
             pattern.sort_indices()
             self.transfers.append(Transfer(rows(fine.P), rows(fine.R)))
-            fine.A = fine.P = fine.R = None  # memory
+            fine.A = fine.P = fine.R = None  # saves memory
             self.levels.append(Level(coarse_operator(self.levels[-1], self.transfers[-1], pattern)))
         self.factor: Factor | None = None
-        self.top: int = -1  # the level whose moving nodes the operators belong to
+        self.top: int = -1  # level of the last truncation
 
     def truncate(self, top: int, upper: Array, d: Array) -> None:
-        """Make the operators from level `top` on the Hessian at d and its Galerkin products."""
+        """Set the operator of level `top` to the Hessian at d, and those of coarser levels to its
+        Galerkin products."""
         fine = self.levels[top]
+        # After a truncation from another level no row can be reused.
         fine.truncated.dirty[:] = top != self.top
         self.top = top
         truncate(fine.A, upper, d, fine.truncated, fine.space)
@@ -176,8 +183,8 @@ class Hierarchy:
             self.factor = Factor.of(fine)
 
     def cycle(self, top: int, b: Array) -> Array:
-        """One V-cycle for H x = b from level `top` on: linear, symmetric and positive definite in
-        b."""
+        """One V-cycle for H x = b, with `top` as the finest level. The result is a linear function
+        of b with a symmetric positive definite matrix."""
         levels, transfers = self.levels[top:], self.transfers[top:]
         levels[0].b = b
         for (_, R), level, coarse in zip(transfers, levels, levels[1:], strict=False):
@@ -195,7 +202,7 @@ class Hierarchy:
         return levels[0].x
 
     def solve_last(self, last: Level) -> None:
-        """Solve on the last level: dense, or by a symmetric sweep where coarsening ended early."""
+        """Solve on the last level, or apply a symmetric sweep if it has no dense factorisation."""
         if self.factor is not None:
             last.x[:] = self.factor.solve(last.b)
         else:
@@ -205,7 +212,7 @@ class Hierarchy:
 
 
 def rows(matrix: Any) -> NodeRows:
-    """A scipy matrix in CSR format in the types the kernels are compiled for."""
+    """A scipy matrix in CSR format, with the types that compiled functions require."""
     return NodeRows(
         plain_array(matrix.indptr, np.int32),
         plain_array(matrix.indices, np.int32),
@@ -214,7 +221,7 @@ def rows(matrix: Any) -> NodeRows:
 
 
 def blocks(matrix: Any, m: int) -> BlockRows:
-    """The same for one in BSR format, or for m = 1 in CSR format."""
+    """The same for a matrix in BSR format with m × m blocks (if m = 1, also in CSR format)."""
     return BlockRows(
         plain_array(matrix.indptr, np.int32),
         plain_array(matrix.indices, np.int32),
@@ -228,7 +235,8 @@ def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     m = fine.A.value.shape[1]
     pattern = rows(nodal)
     coarse = BlockRows(pattern.start, pattern.column, np.zeros((nodal.nnz, m, m)))
-    # Rows are not copied: none of the fine ones is complete yet.
+    # All fine rows are dirty, so all coarse rows are computed. None is marked whole, so none is
+    # copied from `coarse`, which is still zero.
     every = fine.truncated._replace(H=fine.A, dirty=np.ones(len(fine.x), bool))
     made = Truncation(coarse, np.empty((n, m, m)), np.zeros(n, bool), np.zeros(n, bool))
     galerkin(every, *transfer, coarse, made, np.zeros(n, np.int64), fine.space)

@@ -1,9 +1,9 @@
 """Compiled sweeps over block rows: exact minimisation node by node, linear smoothing, forces, line
 search.
 
-A matrix is `BlockRows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The
-dissipation of node i is max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar
-case has a separate branch where it is faster.
+They minimise J(d) = ½ dᵀA d − rᵀd + R(d). A matrix is `BlockRows(start, column, value)` with m × m
+blocks, a vector has shape (nodes, m). The dissipation R of node i is max(lowerᵢ d, upperᵢ d) for
+m = 1 and upperᵢ |d|₂ for m > 1. The scalar case has separate code where this is faster.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.numerics.levels import LAST_DIGITS, SUM_ROUNDING
 from stickslip.translator import compiled
 
-# relative to the radius: a group that barely moves would have a curvature radius/|d| larger than
-# all others
+# relative to the radius: a node with a larger force moves. Without the margin a node that barely
+# moves would have a curvature radius/|d| larger than all other entries.
 _HELD = 1.0 + 1e-12
 
 
 class BlockRows(NamedTuple):
-    """A sparse matrix in block rows."""
+    """A sparse matrix in compressed block rows (BSR format), with `value` of shape (entries, m,
+    m)."""
 
     start: Int32Vector
     column: Int32Vector
@@ -32,8 +33,8 @@ class BlockRows(NamedTuple):
 
 
 class NodeRows(NamedTuple):
-    """The same where one number acts alike on every component of a node: `value` has the shape
-    (entries,)."""
+    """A sparse matrix that acts on every component of a node in the same way (CSR format), with
+    `value` of shape (entries,)."""
 
     start: Int32Vector
     column: Int32Vector
@@ -49,13 +50,13 @@ class BlockSpace(NamedTuple):
 
 
 def make_block_space(m: int) -> BlockSpace:
-    """Work space for blocks of that size."""
+    """Work space for blocks of size m."""
     return BlockSpace(np.empty(m), np.empty(m), np.empty((m, m)))
 
 
 @compiled()
 def may_move(d: Matrix, i: int) -> bool:
-    """Return whether node i has an increment."""
+    """Return whether the increment of node i is not zero."""
     moving = False
     for c in range(d.shape[1]):
         moving = moving or d[i, c] != 0.0
@@ -64,7 +65,7 @@ def may_move(d: Matrix, i: int) -> bool:
 
 @compiled()
 def block_norm(v: Matrix, i: int) -> float:
-    """|vᵢ|₂."""
+    """The norm |vᵢ|₂."""
     total = 0.0
     for c in range(v.shape[1]):
         total += v[i, c] * v[i, c]
@@ -104,9 +105,10 @@ def solve_shifted(B: Matrix, shift: float, g: Vector, L: Matrix, x: Vector) -> N
 def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y: Vector) -> None:
     """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
 
-    x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|,
-    Newton's method for 1/|x(λ)| = λ/radius decreases monotonically from the start below; one step
-    suffices if B is a multiple of I.
+    The minimum is 0 if |g| ≤ radius, otherwise x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since
+    1/|x(λ)| is concave and at most (tr B + λ)/|g|, Newton's method for 1/|x(λ)| = λ/radius
+    decreases monotonically from λ = radius tr B/(|g| − radius), at which this bound equals
+    λ/radius. One step suffices if B is a multiple of I.
 
     Parameters
     ----------
@@ -152,7 +154,7 @@ def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y:
 def relax(
     A: BlockRows, r: Matrix, lower: Vector, upper: Vector, d: Matrix, space: BlockSpace
 ) -> None:
-    """One sweep of nonlinear Gauss–Seidel: every node is successively set to its exact minimiser.
+    """One sweep of nonlinear Gauss–Seidel: one node after the other is set to its exact minimiser.
 
     Parameters
     ----------
@@ -203,8 +205,8 @@ def forces(
     b: Matrix,
     distances: Vector,
 ) -> None:
-    """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0,
-    and 0 elsewhere.
+    """Compute the distance of ξ = r − A d from the subdifferential of the dissipation at d, and the
+    force b: −∇J at nodes with d ≠ 0, and 0 at the others.
 
     Parameters
     ----------
@@ -216,8 +218,8 @@ def forces(
     b : array, shape (nodes, m)
         Written.
     distances : array, shape (2,)
-        Written: the largest distance, also of the nodes at rest, and the largest that exceeds what
-        rounding does to ξ.
+        Written: the largest distance, including nodes at rest, and the largest distance in excess
+        of the rounding errors of ξ.
     """
     start = A.start
     column = A.column
@@ -273,12 +275,12 @@ def gauss_seidel_sweep(
     Parameters
     ----------
     inverse : array, shape (nodes, m, m)
-        Inverses of its diagonal blocks; 0 in empty rows.
+        Inverses of the diagonal blocks of H; 0 in empty rows.
     b : array, shape (nodes, m)
     x : array, shape (nodes, m)
         Written.
     backward : bool
-        From the last row to the first.
+        Whether rows are processed from the last to the first.
     """
     start = H.start
     column = H.column
@@ -308,7 +310,7 @@ def gauss_seidel_sweep(
 
 @entry_point()
 def defect(H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, out: Matrix) -> float:
-    """out = b − H x, zero in empty rows; returns xᵀH x.
+    """Write out = b − H x, zero in empty rows; return xᵀH x.
 
     Parameters
     ----------
@@ -346,7 +348,8 @@ def defect(H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, out: Matrix) -> 
 
 @entry_point()
 def project(d: Matrix, p: Matrix) -> int:
-    """Stop the nodes that the correction p would move through the kink; returns their number."""
+    """Change the correction p such that nodes which it would move through the kink at d = 0 stop
+    there; return their number."""
     stopped = 0
     for i in range(len(d)):
         ahead = 0.0
@@ -361,7 +364,7 @@ def project(d: Matrix, p: Matrix) -> int:
 
 @entry_point()
 def slope_along(lower: Vector, upper: Vector, d: Matrix, p: Matrix, t: float) -> float:
-    """Derivative in t, from the left, of the dissipation of d + t p.
+    """Left derivative with respect to t of the dissipation of d + t p.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def _component(problem: Problem, of: str) -> int:
 def _contact(problem: Problem, of: str) -> list[int]:
     """Numbers of a contact: those of both components for a planar contact, which slip together."""
     numbers = problem.compiled.equations.numbers
-    return [numbers[part] for part in problem.system.rubbing.get(of, (of,))]
+    return [numbers[part] for part in problem.system.frictional.get(of, (of,))]
 
 
 def _period(problem: Problem, o: Observed, of: str) -> Array:
@@ -198,7 +198,7 @@ def _named(system: System, measure: str) -> Named:
         raise DeclarationError("measure", f"unknown measure '{short(name)}'", known)
     known = {
         "component": system.declaration.state,
-        "contact": list(system.rubbing),
+        "contact": list(system.frictional),
         "force": list(system.dry_contacts),
     }.get(MEASURES[name].said.of, [])
     opening = [c.name for c in system.declaration.contacts if c.opens]

@@ -1,8 +1,7 @@
-"""An interpreter of expressions in compiled loops: fields, guards and their derivatives at given
-points, without code compiled for the system.
+"""An interpreter of expressions, itself compiled: it evaluates fields, guards and their derivatives
+at given points without machine code for the system.
 
-The points of a block are evaluated together, so that each instruction is decoded once for all of
-them.
+Points are evaluated in blocks, so that each instruction is decoded once per block.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
 from stickslip.machine_code.functions import entry_point
 from stickslip.translator import call_address, compiled
 
-LANES = 8  # points of a block
-# Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
-# aᵇ, and a function of a, whose address is the second operand.
+LANES = 8  # number of points in a block
+# Operations on operands a and b, with the number c of the instruction: c, c a, adding c a to the
+# result, a + b, a b, 1/a, aᶜ, aᵇ, and a function of a, whose address is the second operand.
 CONSTANT, SCALED, SUMMED, SUM, TIMES, RECIPROCAL, POWER, REAL_POWER, CALL = range(9)
 
 
@@ -28,9 +27,10 @@ class Instructions(NamedTuple):
     Attributes
     ----------
     code : array of int, shape (instructions, 4)
-        By the columns `OPERATION`, `RESULT` (a place), `FIRST` and `SECOND` (operands).
+        With the columns `OPERATION`, `RESULT`, `FIRST` and `SECOND`: the operation, and the rows of
+        its result and of its operands in the table of values.
     numbers : array, shape (instructions,)
-        The number of each.
+        The number of each instruction.
     """
 
     code: IntMatrix
@@ -39,14 +39,12 @@ class Instructions(NamedTuple):
 
 @compiled()
 def perform(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
-    """Execute some instructions.
+    """Execute the instructions from `first` to `last`, exclusive.
 
     Parameters
     ----------
-    first, last : int
-        Range of the instructions.
     values : array, shape (places, LANES)
-        Operands and results.
+        Table of operands and results, one column for each point.
     lanes : int
         Number of columns in use.
     """
@@ -90,18 +88,20 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
 def interpret(
     made: Instructions, once: int, wanted: IntVector, given: Matrix, values: Matrix, out: Matrix
 ) -> None:
-    """Values at many points.
+    """Evaluate expressions at many points.
 
     Parameters
     ----------
     once : int
-        Number of instructions whose results are the same for all points.
+        Number of instructions, at the beginning, whose results are the same at all points.
     wanted : array of int
-        Places of the requested values.
+        Rows of the requested values in the table.
     given : array, shape (names, points)
+        Values of the names, which are the first rows of the table.
     values : array, shape (places, LANES)
         Work space.
     out : array, shape (wanted, points)
+        Written.
     """
     names, points = given.shape
     for start in range(0, points, LANES):

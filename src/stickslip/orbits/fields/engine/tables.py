@@ -1,5 +1,9 @@
-"""Data of the compiled functions of first variations: named tuples of arrays, and codes of
-events."""
+"""Data of the compiled functions that compute first variations of motions: named tuples of arrays,
+and codes of events.
+
+A *piece* is the vector field of one mode and region. A *pass* integrates the first variation along
+a motion, from knot to knot, in all *directions* (columns of initial perturbations) together.
+"""
 
 from __future__ import annotations
 
@@ -26,41 +30,44 @@ from stickslip.motion.steps.arrays import Record
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions
 from stickslip.translator import compiled
 
-STAGES = LANES  # Gauss nodes of a step: order 16
-TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
-ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
-# Result of an event, or of the pass: it may need more room for its nodes, or be at a knot at which
-# the state jumps, or request the eigenvalues of a piece. State of the eigenvalues of a Jacobian:
-# none known, the largest, all, or not usable.
+STAGES = LANES  # number of Gauss nodes of a step, which has order 16
+TOGETHER = 1e-9  # events closer than this fraction of the motion are simultaneous
+ALIKE = 1e-8  # derivatives whose relative difference is smaller are equal
+# Result of an event, or of a pass. A pass stops if it needs more space for its nodes (CROWDED), at
+# a knot at which the state jumps (STRUCK), on request (HALTED), or if it needs the eigenvalues of
+# a piece (SPECTRUM_ASKED); the caller then continues it.
 PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, SPECTRUM_ASKED = range(8)
+# Known eigenvalues of a constant Jacobian: none, the modulus of the largest one, all; or the
+# eigenvectors cannot be used.
 UNSEEN, RATE_KNOWN, DECOMPOSED, DEFECTIVE = range(4)
-# Entries of Pass.event.
+# Entries of Pass.event; the switches begin at MET.
 BEGINS, ENDS, MEETING, MET = range(4)
 
 
 class Spectra(NamedTuple):
-    """Constant Jacobians of pieces, by their eigenvalues.
+    """Eigenvalues and eigenvectors of pieces with a constant Jacobian.
 
     Attributes
     ----------
     state : array of int, shape (pieces,)
         `UNSEEN`, `RATE_KNOWN`, `DECOMPOSED` or `DEFECTIVE`.
     rate : array, shape (pieces,)
-        Largest modulus of an eigenvalue, about.
+        Estimate of the largest modulus of an eigenvalue.
     matrix : array, shape (pieces, states, states)
         The Jacobians.
     blocks : array of int, shape (pieces,)
-        Eigenvalues without the conjugates.
+        Number of eigenvalues, with one of each conjugate pair.
     exponent : array of complex, shape (pieces, states)
+        These eigenvalues.
     right, left : arrays, shape (pieces, 2, states, states)
-        Real and imaginary parts of the eigenvectors V in columns, of a conjugate pair twice the one
-        that is kept, and of L = V⁻¹ in rows.
+        Real and imaginary parts of the eigenvectors V in columns (for a conjugate pair, twice one
+        of them), and of L = V⁻¹ in rows.
     slope : array, shape (pieces, parameters, states, states)
-        The derivatives A_p of the Jacobian by the free parameters.
+        The derivatives A_p of the Jacobian with respect to the free parameters.
     sloped : array of int, shape (pieces, parameters)
-        1 where `coupled` belongs to them.
+        1 if `coupled` has been computed for `slope`.
     coupled : array of complex, shape (pieces, 2 × parameters, states, states)
-        L A_p V, of the real and of the imaginary part of V.
+        L A_p V for the real and for the imaginary part of V.
     """
 
     state: IntVector
@@ -76,7 +83,7 @@ class Spectra(NamedTuple):
 
 
 def make_spectra(pieces: int, n: int, free: int) -> Spectra:
-    """Space for the eigenvalues of some pieces with n states and some free parameters."""
+    """Arrays for `pieces` with n states and `free` parameters; no eigenvalues are known."""
     return Spectra(
         np.zeros(pieces, np.int64),
         np.zeros(pieces),
@@ -92,27 +99,29 @@ def make_spectra(pieces: int, n: int, free: int) -> Spectra:
 
 
 class Listed(NamedTuple):
-    """The pieces of a system as instructions. A column is a component of the state or, behind
-    these, a free parameter.
+    """The pieces of a system as instructions for the interpreter. The columns of a derivative are
+    the components of the state, followed by the free parameters.
 
     Attributes
     ----------
     slopes, guards : arrays of int, shape (pieces, 3)
-        Ranges of the instructions for the Jacobian, and for rates and guards with their slopes: the
-        first that is the same for all points, the first that is not, and the end.
+        Ranges of the instructions for the Jacobian, and for rates and guards with their
+        derivatives: the first instruction whose result is the same at all points, the first whose
+        result is not, and the end.
     jacobian : array of int, shape (pieces, states × columns)
-        Places of the Jacobian in the table of values.
+        Positions of the Jacobian in the table of values.
     rates : array of int, shape (pieces, states)
-        Places of the rates.
+        Positions of the rates.
     falls : array of int, shape (pieces, guards, 2 + columns)
-        Places of the guards, and of their derivatives with respect to time and to the columns.
+        Positions of the guards, and of their derivatives with respect to time and to the columns.
     switches : array of int, shape (pieces, guards)
-        Switch of each guard; −1 if there is none.
+        Switch of each guard; −1 for unused entries.
     settings : array of int, shape (pieces, switches)
+        Mode and region of each piece.
     steady : array of int, shape (pieces,)
         1 if the Jacobian is constant.
     timely : array of int, shape (pieces,)
-        1 if derivatives of the rates with respect to the free parameters depend on time alone.
+        1 if derivatives of the rates with respect to the free parameters depend on time only.
     """
 
     made: Instructions
@@ -129,7 +138,7 @@ class Listed(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """State of a pass that differentiates a motion.
+    """State of a pass along a motion.
 
     Attributes
     ----------
@@ -138,26 +147,28 @@ class Pass(NamedTuple):
     seen : array
         Sizes of the rows that bound its steps; see :class:`stickslip.motion.steps.arrays.Lane`.
     origin : float
-        The time at which its clock is 0.
+        Time at which the clock of the knots is 0.
     drives : float
         Largest frequency of the loads.
     modal : int
-        1 if steps may be taken by eigenvalues, 2 if several steps of a piece may be taken as one;
-        the changes in between are then NaN.
+        1 if steps may be computed from eigenvalues, 2 if several steps of a piece may be combined;
+        the perturbations at the knots in between are then NaN.
     piece : array of int, shape (knots,)
-        Piece of the step that begins at each.
+        Piece of the step that begins at each knot.
     parts : array of int, shape (knots,)
         Number of parts of each step; negative if they become shorter towards its end.
     after : array, shape (knots, columns, directions)
-        Change of (state, p) right after each knot.
+        Perturbation of (state, p) right after each knot.
     late : array, shape (knots, directions)
-        Derivatives of the time of the event at each knot; NaN if there is none. Without columns if
+        Derivatives of the time of the event at each knot; NaN if there is none. Shape (knots, 0) if
         they are not needed.
     outcome : array of int, shape (knots,)
         Outcome of the event at each knot: `PASSED` or `GRAZED`.
     event : array of int
-        The event at which the pass has stopped: the knots at which it begins and ends, the number
-        of switches that are meeting there, and these, the one that fired first.
+        The event at which the pass has stopped: the knots at which it begins (`BEGINS`) and ends
+        (`ENDS`), the number of switches that fire (`MEETING`), and these switches, beginning with
+        the one that fires first (`MET`). For `CROWDED` and `SPECTRUM_ASKED`, `BEGINS` contains the
+        required number of nodes, or the piece.
     """
 
     knots: Record
@@ -174,7 +185,7 @@ class Pass(NamedTuple):
 
 
 class Leave(NamedTuple):
-    """The guards of a piece at a point where the motion may leave it.
+    """Guards of a piece at a point at which the motion may leave it.
 
     Attributes
     ----------
@@ -202,24 +213,38 @@ class PassSpace(NamedTuple):
     Attributes
     ----------
     values : array, shape (places, LANES)
-        Of the instructions.
-    step, clock, states : arrays, shapes (room,), (room,) and (room, states)
-        The nodes of all steps: the knot before each, when it is, and the state there.
+        Table of values of the instructions.
+    step, clock, states : arrays, shapes (nodes,), (nodes,) and (nodes, states)
+        The nodes of all steps: the knot before each, its time, and its state.
     squares : array, shape (5, states, states)
     moved : array, shape (states, directions)
+        A perturbation.
     modal : array, shape (2, states, directions)
         Real and imaginary parts of a perturbation in eigenvectors; this and the following arrays
-        are for steps by eigenvalues.
+        are for steps by eigenvalues, see :mod:`stickslip.orbits.fields.engine.modal`.
     moments, later : arrays of complex, shape (STAGES, states)
+        Integrals of exponentials times Lagrange polynomials ℓ, and the same times 1 − x.
     driven : array of complex, shape (parameters, states)
+        The integrals φ.
     legendre : array of complex, shape (STAGES + 1,)
+        Integrals of an exponential times Legendre polynomials.
     grown : array of complex, shape (states,)
+        exp(hλ).
     loaded, held : arrays of complex, shape (2, states, states)
+        Integrals of exponentials times loads γ, and the same times h − s.
     load : array, shape (2, STAGES)
+        The loads at the nodes.
     places : array of int, shape (states,)
+        Positions of a vector in the table of values.
     system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
+        Equations of a collocation step, with their right-hand sides.
+    here, around : Leave
+        Guards at an event, in the piece that ends; guards at neighbouring knots or in the next
+        piece.
     usual : array, shape (guards,)
+        Largest rate of each guard at the neighbouring knots.
     others : array of int, shape (guards,)
+        Further guards that fire at the same time.
     """
 
     values: Matrix
@@ -254,9 +279,11 @@ def room_for_pass(
     Parameters
     ----------
     places : int
-        In the table of values.
+        Number of entries of the table of values.
+    nodes : int
+        Number of nodes of all steps together.
     shape : (int, int)
-        Columns and directions.
+        Numbers of columns and of directions.
     """
     columns, directions = shape
     guards = listed.switches.shape[1]
@@ -299,13 +326,13 @@ def room_for_pass(
 
 @compiled()
 def time_of(run: Pass, knot: int) -> float:
-    """When a knot is."""
+    """Time of a knot."""
     return run.knots.time[knot] + run.origin
 
 
 @compiled()
 def put_point(values: Array, k: int, t: float, y: Array) -> None:
-    """Write a point into the table of values."""
+    """Write time and state of a point to column k of the table of values."""
     values[0, k] = t
     for r in range(len(y)):
         values[1 + r, k] = y[r]

@@ -1,4 +1,5 @@
-"""The frame in which a system under loads Vt does not depend on time, except for its drives."""
+"""The moving frame in which a system under linearly growing loads V t does not depend on time,
+except through its drives."""
 
 from __future__ import annotations
 
@@ -10,16 +11,18 @@ from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.numerics.levels import RANK
 from stickslip.translator import compiled
 
-_FITS = 1e-9  # largest residual of a row relative to its size
-_SEEN = 1e-12  # velocities below this fraction of the largest are regarded as zero
+_FITS = 1e-9  # largest residual of an equation, relative to its largest coefficient
+_SEEN = 1e-12  # velocities below this fraction of the largest one are regarded as zero
 
 
 @compiled()
 def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
-    """Velocity of the frame, from the closed forms of a group; 0 if there is none.
+    """Compute the velocity v of the frame from the closed forms of a group; 0 if there is no frame.
 
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): a shift of the state by v·Δt
-    compensates the time if the column of t is minus the columns of x times v in all modes.
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …), with coefficients A of x and b
+    of t. A shift of the state by v Δt compensates a shift of time by Δt if A v + b = 0 for the
+    rates and guards of all modes. The frame is the least-squares solution of minimum norm, if it
+    satisfies all equations.
 
     Parameters
     ----------
@@ -35,7 +38,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     row = p.v
     n = len(frame)
     first = g * slots_of(T)
-    # Least squares, row by row: the triangular factor, and the transformed right-hand side.
+    # QR factorisation by Givens rotations, row by row: R, and Qᵀ times the right-hand side −b.
     R = p.H[:n]
     for i in range(n):
         frame[i] = right[i] = 0.0
@@ -57,7 +60,8 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
                 x = right[j]
                 right[j] = cosine * x - sine * load
                 load = cosine * load + sine * x
-    # The shortest v.
+    # The solution of minimum norm, by singular values: R is singular if the equations do not depend
+    # on all components of v.
     orthogonalise(R, p.Q, p.scale)
     largest = 0.0
     for k in range(n):
@@ -72,6 +76,7 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     largest = 0.0
     for i in range(n):
         largest = max(largest, abs(frame[i]))
+    # Accept v only if it satisfies all equations.
     fits = True
     for slot in range(first, first + T.used[g]):
         for r in range(rows_of(T, slot, n)):
@@ -86,14 +91,14 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
 
 @compiled()
 def rows_of(T: ClosedForms, slot: int, n: int) -> int:
-    """Number of rows of a mode: its rates and guards."""
+    """Number of equations of a mode: its rates and guards; 0 if it is not affine."""
     return n + T.counts[slot, GUARDS] if T.status[slot] == AFFINE else 0
 
 
 @compiled()
 def take_row(T: ClosedForms, slot: int, r: int, row: Array) -> float:
-    """The columns of x of a row of a mode, and (returned) that of t: rows are scaled to one size,
-    so that rounding does not hide small rows."""
+    """Copy the coefficients of x of a rate or guard to `row`, and return that of t. Each equation
+    is scaled to its largest coefficient, so that small ones are not lost in rounding errors."""
     n = len(row)
     source = T.S[slot, r] if r < n else T.G[slot, r - n]
     size = 0.0

@@ -1,10 +1,12 @@
 """Returns of a motion to its marks: their distance, their lag, and their extrapolation, in compiled
 code.
 
-Returns are compared over one *lag*, a number of marks: the one after which the most consecutive
-marks have the same kinds, while such returns shrink; otherwise the smallest one whose return is
-nearly the closest. The period does not depend on the lag: it is determined from the divisors of the
-lag once the cycle is accurate to rounding (:func:`shortest_lag`).
+Marks are states recorded at events or after periods of the drive; the last ones are stored in a
+ring buffer. A *return* is the difference between two marks that are one *lag* apart, a number of
+marks. While returns shrink, the lag is the one for which the most consecutive marks have repeated
+their kinds; otherwise it is the smallest one whose return is nearly the closest. The period does
+not depend on the lag: it is determined from the divisors of the lag once the cycle is accurate to
+machine precision (:func:`shortest_lag`).
 
 True returns (without extrapolation between their marks) shrink by the multipliers of the cycle. If
 few multipliers matter, each return is a linear combination of the previous ones, and the same
@@ -39,12 +41,12 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_SURE = 1e-4  # fraction of the tolerance: a smaller miss needs no factor
-_SHRUNK = 0.98  # fraction of the smallest miss below which a return is nearer
-RETURN_PATIENCE = 16  # number of returns without a nearer one after which the search ends
-_CLOSED = 1e-11  # largest miss of a return that closes …
+_SURE = 1e-4  # fraction of the tolerance: a smaller miss is accepted without a rate of convergence
+_SHRUNK = 0.98  # fraction of the smallest miss below which a return counts as closer
+RETURN_PATIENCE = 16  # number of returns without a closer one after which the search ends
+_CLOSED = 1e-11  # largest miss of a return that closes the cycle …
 _TOLD_APART = 1e3  # … or as a multiple of the miss of the cycle
-_DOUBLED = 10.0  # … or of the distance of the cycle, which is much larger near a period doubling
+_DOUBLED = 10.0  # … or of the distance to the cycle, which is much larger near a period doubling
 _EXACT = 1e-15  # a miss that is regarded as zero
 _FINEST = 1e-3  # fraction of the tolerance `atol` for a polished cycle
 # a vector whose remainder after projection on others is a smaller fraction depends on them
@@ -56,8 +58,8 @@ _WORTH = 24.0  # number of returns for which waiting is cheaper than a proof of 
 
 @compiled()
 def remove_shift(v: Array, shifts: Array) -> None:
-    """Subtract the components along translations, which are orthogonal to each other, from a
-    vector."""
+    """Subtract from a vector its components along translations, which are orthogonal to each
+    other."""
     for j in range(len(shifts)):
         along, size = 0.0, 0.0
         for i in range(len(v)):
@@ -70,7 +72,8 @@ def remove_shift(v: Array, shifts: Array) -> None:
 
 @compiled()
 def remove_cells(v: Array, m: Marks, rules: Rules, i: int) -> None:
-    """Subtract translations and whole cells from a difference of states, or from a state.
+    """Subtract translations and integer multiples of cells from a difference of states, or from a
+    state.
 
     Parameters
     ----------
@@ -91,13 +94,13 @@ def remove_cells(v: Array, m: Marks, rules: Rules, i: int) -> None:
 
 @compiled()
 def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) -> None:
-    """A state minus that of a mark, without frame, translation and cells.
+    """Difference of a state and a mark, without the motion of the frame, translations and cells.
 
     Parameters
     ----------
     i, j : int
-        The lane, and the place of the mark in the ring.
-    y : array, shape (n,)
+        The lane, and the position of the mark in the ring buffer.
+    t, y : float and array, shape (n,)
         Time and state.
     out : array, shape (n,)
         Receives the difference.
@@ -109,8 +112,8 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
 
 @compiled()
 def miss(v: Array, size: Array, atol: float) -> float:
-    """Largest component of a difference, relative to its size; components below `atol` are
-    ignored."""
+    """Largest component of a difference, relative to the size of this component; `atol` is
+    subtracted first."""
     worst = 0.0
     for r in range(len(v)):
         excess = abs(v[r]) - atol
@@ -121,13 +124,15 @@ def miss(v: Array, size: Array, atol: float) -> float:
 
 @compiled()
 def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> None:
-    """Update the largest modulus of every component, while the size of the cycle is unknown.
+    """Update the largest modulus of every component, as long as the size of the cycle has not been
+    measured.
 
     Parameters
     ----------
-    y : array, shape (n,)
+    t, y : float and array, shape (n,)
         Time and state.
     work : array, shape (n,)
+        Work space.
     """
     if m.numbers[i, SIZED] == 1:
         return
@@ -140,15 +145,16 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
 
 @compiled()
 def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None:
-    """Put a mark.
+    """Append a mark.
 
     Parameters
     ----------
     i : int
         The lane.
     kind, word : int
-        What has to be the same for marks to be compared, and the modes since the mark before.
-    y : array, shape (n,)
+        Kind of the mark (only marks of one kind are compared), and a hash of the modes since the
+        previous mark.
+    t, y : float and array, shape (n,)
         Time and state.
     """
     numbers = m.numbers[i]
@@ -172,12 +178,12 @@ def begin_again(m: Marks, i: int, lag: int) -> None:
 
 @compiled()
 def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
-    """Distance of the last mark from the mark a given number before it.
+    """Distance of the last mark from an earlier one.
 
     Parameters
     ----------
     i, back : int
-        The lane, and how many marks.
+        The lane, and the number of marks between the two.
     work : array, shape (n,)
         Receives the difference.
     """
@@ -197,7 +203,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
 
 @compiled()
 def same_kind(m: Marks, i: int, back: int) -> bool:
-    """Return whether the last mark has the same kind as the mark a lag before it."""
+    """Return whether the last mark has the same kind as the mark `back` marks before it."""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
@@ -205,9 +211,9 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
 
 @compiled()
 def best_lag(m: Marks, i: int, longest: int) -> int:
-    """The smallest lag for which the largest number of consecutive last marks has repeated its
-    kinds; 0 if the last mark has not. (The smallest lag of the last mark alone fails if a kind
-    occurs twice in a cycle.)"""
+    """The smallest lag for which the kinds of the most consecutive last marks have repeated; 0 if
+    the kind of the last mark has not occurred before. (The last mark alone does not determine the
+    lag if a kind occurs twice in a cycle.)"""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     kind = m.kind[i]
@@ -224,8 +230,8 @@ def best_lag(m: Marks, i: int, longest: int) -> int:
 
 @compiled()
 def compare_with_lag(m: Marks, rules: Rules, i: int, work: Array) -> float:
-    """Distance of the last mark from the mark a lag before it; the lag is updated if necessary.
-    Infinite if there is no such mark."""
+    """Distance of the last mark from the mark one lag before it; infinite if there is no such mark.
+    The lag is updated if necessary."""
     numbers = m.numbers[i]
     real = m.real[i]
     ring = m.time.shape[1]
@@ -248,8 +254,8 @@ def compare_with_lag(m: Marks, rules: Rules, i: int, work: Array) -> float:
 
 @compiled()
 def shorten_lag(m: Marks, rules: Rules, i: int, work: Array) -> None:
-    """If returns have not decreased for some time, use the shortest lag whose return is nearly the
-    closest."""
+    """Use the shortest lag whose return is nearly the closest. Called if returns have not become
+    smaller for some time."""
     numbers = m.numbers[i]
     best = np.inf
     lag = 0
@@ -266,8 +272,8 @@ def shorten_lag(m: Marks, rules: Rules, i: int, work: Array) -> None:
 
 @compiled()
 def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
-    """Return whether the estimated remaining distance to the cycle, d + dq + dq² + …, is below the
-    tolerance."""
+    """Return whether the estimated remaining distance to the cycle, d + d q + d q² + …, is below
+    the tolerance. The rate of convergence q is that of the last one to three returns."""
     numbers = m.numbers[i]
     ring = m.time.shape[1]
     if numbers[SAME] < 1 or d > m.real[i, PATIENT]:
@@ -288,8 +294,11 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
 def extrapolate(
     m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
 ) -> tuple[float, float]:
-    """Extrapolated limit of the last k + 1 returns, if the last one is a combination of the
-    previous ones.
+    """Extrapolate the limit of the last k + 1 returns.
+
+    With the returns r₀ (the last one), r₁, …, the weights c minimise |r₀ − Σ cⱼ (r₀ − rⱼ₊₁)| over
+    the components that change, relative to their sizes (QR factorisation by Gram-Schmidt). The step
+    from the last state y₀ to the limit is −Σ cⱼ (y₀ − yⱼ₊₁), with the mark yⱼ j lags before y₀.
 
     Parameters
     ----------
@@ -301,8 +310,8 @@ def extrapolate(
     Returns
     -------
     misfit, length
-        Residual of the last return as such a combination, and length of the step, which is stored
-        in ``work[8]``.
+        Relative residual of the minimisation, and length of the step, which is stored in
+        ``work[8]``.
     """
     lag = m.numbers[i, LAG]
     here = m.numbers[i, COUNT] - 1
@@ -346,8 +355,8 @@ def extrapolate(
 
 @compiled()
 def equal_sequences(m: Marks, i: int, lag: int, most: int) -> int:
-    """Number of consecutive marks, up to a maximum, with the same mode sequence as the mark a lag
-    before."""
+    """Number of consecutive last marks, at most `most`, whose mode sequence is the same as that of
+    the mark one lag before."""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
     most = min(most, ring - 1 - lag, here - lag)
@@ -361,9 +370,10 @@ def equal_sequences(m: Marks, i: int, lag: int, most: int) -> int:
 def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
     """The order of a convergent linear recurrence of the returns that predicts the last one.
 
-    Returns near a cycle are sums of powers of its multipliers. So rⱼ = Σ cₖ rⱼ₊ₖ, counted back from
-    the last return r₀, is fitted to all but the last, by least squares relative to their sizes. The
-    prediction of r₀ verifies the recurrence; roots within the unit circle imply convergence.
+    Returns near a cycle are sums of powers of its multipliers and satisfy a linear recurrence rⱼ =
+    Σ cₖ rⱼ₊ₖ, counted back from the last return r₀. It is fitted to all returns except the last, by
+    least squares relative to their sizes. It is accepted if it predicts r₀ and all its roots are
+    within the unit circle, so that it converges.
 
     Parameters
     ----------
@@ -373,7 +383,8 @@ def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) ->
     Returns
     -------
     int
-        The order; 0 if there is none, or if the motion settles within a few returns.
+        The order; 0 if there is no such recurrence, or if the motion converges within a few
+        returns.
     """
     lag = m.numbers[i, LAG]
     here = m.numbers[i, COUNT] - 1
@@ -418,7 +429,7 @@ def recurrence_order(m: Marks, rules: Rules, i: int, work: Array, fit: Array) ->
 
 @compiled()
 def largest_component(v: Array) -> float:
-    """Largest modulus of a component."""
+    """Largest modulus of a component; infinite if a component is NaN."""
     size = 0.0
     for r in range(len(v)):
         size = max(size, abs(v[r])) if abs(v[r]) < np.inf else np.inf
@@ -434,7 +445,7 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
     work : array, shape (·, n)
         The returns, the last one first.
     known, k : int
-        Their number, and the order.
+        Number of returns, and order.
     fit : array, shape (4, 4)
         Receives the coefficients, in its last column.
     """
@@ -501,7 +512,7 @@ def norm(v: Array) -> float:
 
 @compiled()
 def remove_part(v: Array, unit: Array) -> float:
-    """Subtract the component along a unit vector from a vector; returns its size."""
+    """Subtract from a vector its component along a unit vector; return this component."""
     part = 0.0
     for r in range(len(v)):
         part += unit[r] * v[r]
@@ -512,15 +523,15 @@ def remove_part(v: Array, unit: Array) -> float:
 
 @compiled()
 def distinct_above(m: Marks, i: int) -> float:
-    """Distance above which states differ, from the closure error of the polished cycle, which
-    measures its accuracy."""
+    """Distance above which two states are different, derived from the closure error of the polished
+    cycle, a measure of its accuracy."""
     floor = m.real[i, FLOOR]
     return max(_CLOSED, _TOLD_APART * floor, _DOUBLED * m.real[i, STRETCH] * max(floor, _EXACT))
 
 
 @compiled()
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
-    """The smallest divisor of the lag over which the last mark of a polished cycle also returns."""
+    """The smallest divisor of the lag after which the polished cycle closes as well."""
     lag = m.numbers[i, LAG]
     limit = distinct_above(m, i)
     p = 2
