@@ -16,6 +16,8 @@ os.environ.setdefault("STICKSLIP_QUICK_COMPILE", "1")
 
 from stickslip import simulate
 
+gc.disable()  # until all tests are collected
+
 # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -57,7 +59,8 @@ def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
 
 
 def pytest_collection_finish() -> None:
-    """Collect garbage less often: modules and tests stay, and most objects are not cyclic."""
+    """Collect garbage seldom: modules and tests stay, and most objects are not cyclic."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
+    gc.set_threshold(500_000, 20, 20)
+    gc.enable()
