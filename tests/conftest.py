@@ -39,12 +39,17 @@ def mark_of(path: Path) -> str:
     return MARKS.get(folder, "")
 
 
+# The files that take longest come first, so that two processes end together.
+LONGEST = ("test_documentation.py", "test_page.py", "test_stopping.py", "test_connections.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests by their folders."""
+    """Mark tests by their folders, and begin with the longest files."""
     for item in items:
         mark = mark_of(item.path)
         if mark:
             item.add_marker(mark)
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])
