@@ -64,8 +64,8 @@ def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
 
 
 def pytest_collection_finish() -> None:
-    """Collect garbage seldom: modules and tests stay, and most objects are not cyclic."""
+    """Collect garbage less often: modules and tests stay, and most objects are not cyclic."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(500_000, 20, 20)
+    gc.set_threshold(50_000, 20, 20)
     gc.enable()
