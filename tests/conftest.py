@@ -16,6 +16,8 @@ os.environ.setdefault("STICKSLIP_QUICK_COMPILE", "1")
 
 from stickslip import simulate
 
+gc.disable()  # until all tests are collected
+
 # What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -37,12 +39,17 @@ def mark_of(path: Path) -> str:
     return MARKS.get(folder, "")
 
 
+# The files that take longest come first, so that two processes end together.
+LONGEST = ("test_documentation.py", "test_page.py", "test_stopping.py", "test_connections.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests by their folders."""
+    """Mark tests by their folders, and begin with the longest files."""
     for item in items:
         mark = mark_of(item.path)
         if mark:
             item.add_marker(mark)
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])
@@ -61,3 +68,4 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+    gc.enable()

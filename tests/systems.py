@@ -19,11 +19,18 @@ from stickslip import (
     System,
     Trajectory,
     Viscous,
+    catalogue,
 )
 
 # Thresholds that vanish for a while, or touch 0 (s_0 = s_1), or jump at t = 1.
 VARIABLE = "max(s_0 + s_1*cos(w*t) + piecewise(t < 1, 0, jump), 0)"
 SMOOTH = "s_0 + s_1*cos(w*t)"
+
+
+@cache
+def published(name: str) -> System:
+    """A system of the catalogue with its defaults, compiled once for all that ask here."""
+    return catalogue.get(name)
 
 
 def parameters(**defaults: float) -> dict[str, Parameter]:

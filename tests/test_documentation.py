@@ -7,8 +7,9 @@ import ast
 import doctest
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -168,7 +169,14 @@ def test_cells_know_public_names_alone(page: str) -> None:
 
 # -- what is generated -----------------------------------------------------------------------------
 
-REFERENCE = python_reference.pages()
+
+@cache
+def made_by(make: Callable[[], dict[str, str]]) -> dict[str, str]:
+    """Generated pages, made once for all tests."""
+    return make()
+
+
+REFERENCE = made_by(python_reference.pages)
 
 
 def test_every_public_name_has_its_page() -> None:
@@ -216,7 +224,7 @@ def commands() -> Iterator[tuple[str, Any]]:
 
 
 def test_every_command_and_option_is_told() -> None:
-    page = command_line.pages()["reference/command-line.md"]
+    page = made_by(command_line.pages)["reference/command-line.md"]
     for name, command in commands():
         section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
         for parameter in command.params:
@@ -227,7 +235,7 @@ def test_every_command_and_option_is_told() -> None:
 
 
 def test_every_key_is_told() -> None:
-    page = model_files.pages()["reference/model-files.md"]
+    page = made_by(model_files.pages)["reference/model-files.md"]
     classes = [c for _, found in model_files.ENTRIES.values() for c in found]
     assert {system.Contact, system.Unilateral, system.Bilateral, system.Jump} < set(classes)
     for cls in (system.System, *classes):
@@ -246,7 +254,7 @@ def test_every_function_measure_and_outcome_is_told(monkeypatch: pytest.MonkeyPa
 
 
 def test_every_system_has_its_page() -> None:
-    made = gallery.pages()
+    made = made_by(gallery.pages)
     for name in ss.catalogue.names():
         page = made[f"gallery/{name}.md"]
         assert "<math" in page and "```toml" in page and "## Tests" in page, name
@@ -370,7 +378,7 @@ def test_the_size_of_an_installation_is_what_was_measured() -> None:
 def test_pages_with_sliders_are_of_the_catalogue_and_small() -> None:
     """Their values are admissible, and each has a card in the gallery; the build computes them."""
     assert len({page.system for page in offline_pages.PAGES}) == 6
-    overview = gallery.pages()["gallery/index.md"]
+    overview = made_by(gallery.pages)["gallery/index.md"]
     for page in offline_pages.PAGES:
         plan = read_plan(ss.catalogue.get(page.system), page.over)
         assert 10 <= len(plan.points) <= 100
@@ -382,7 +390,9 @@ def test_pages_with_sliders_are_of_the_catalogue_and_small() -> None:
 
 def test_links_lead_somewhere() -> None:
     """From page to page; ``make docs`` looks at the built site, and at places on pages, too."""
-    generated = {place for maker in pages.MAKERS if maker is not tables for place in maker.pages()}
+    generated = {
+        place for maker in pages.MAKERS if maker is not tables for place in made_by(maker.pages)
+    }
     generated |= {f"reference/{name}.md" for name in ("formulas", "laws", "measures", "index")}
     generated |= {"how-to/outcomes.md", "wrong.md"}
     for page, text in WRITTEN.items():

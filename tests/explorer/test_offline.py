@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from typer.testing import CliRunner
 
 import stickslip as ss
 from explorer.browsing import Keys, Screen
+from stickslip.cli.app import app
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.offline.curves import LETTERS, needed
 from stickslip.explorer.offline.page import export_page
@@ -87,12 +89,13 @@ def test_the_command_writes_a_page(tmp_path: Path) -> None:
         (["belt_block?W=3", "--export", "page.html"], "unknown parameter or function 'W'"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(words: list[str], said: str, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*COMMAND, *words], capture_output=True, text=True, timeout=60, cwd=tmp_path
-    )
-    assert done.returncode == 2, done.stderr
-    assert said in done.stderr and "Traceback" not in done.stderr
+def test_what_is_wrong_is_said_in_a_line(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["explore", *words], catch_exceptions=False)
+    assert done.exit_code == 2, done.output
+    assert said in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 

@@ -86,7 +86,7 @@ def test_another_integrator_finds_the_same_motion(name: str, tmp_path: Path) -> 
     span = (start, start + length)
     module = loaded(system, tmp_path)
     assert [*module.STATE] == system.plain.declaration.state
-    times, modes, last = module.example(span)
+    times, modes, last = module.example(span, max_step=length / 300)
     motion = ss.simulate(system, span)
     assert motion.certificate.ok
     final = motion.final

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from itertools import combinations
 
 import numpy as np
@@ -22,9 +21,9 @@ def misread(figure: Figure) -> list[str]:
     Parameters
     ----------
     figure : Figure
-        It is drawn here.
+        It is laid out here.
     """
-    figure.savefig(io.BytesIO(), format="png", dpi=figure.dpi)
+    figure.draw_without_rendering()
     page = figure.bbox
     boxes = [(said(text), box(text)) for text in written(figure)]
     found = [

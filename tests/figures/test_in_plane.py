@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -15,7 +13,7 @@ from stickslip.figures.drawing.thinning import FEW
 
 def axes_of(motion: ss.Trajectory) -> list[Axes]:
     figure = motion.plot()
-    figure.savefig(io.BytesIO(), format="png")
+    figure.draw_without_rendering()
     return figure.axes
 
 

@@ -13,6 +13,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,9 @@ root = pytest.mark.skipif(
 
 
 @pytest.fixture(autouse=True)
-def fresh() -> Iterator[None]:
-    """Folders are looked at again."""
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Folders are looked at again, and all their files whenever one is written."""
+    monkeypatch.setattr(store, "_SELDOM", 1)
     store._folder.cache_clear()
     yield
     store._folder.cache_clear()
@@ -623,6 +625,21 @@ def test_what_was_not_used_for_longest_goes(
     assert {file.name for file in tmp_path.iterdir()} == {"a.o", "b.o", "d.o", "notes.txt"}
     keep(tmp_path / "e.o", "e.o", b"0" * size)
     assert {file.name for file in tmp_path.iterdir()} == {"a.o", "d.o", "e.o", "notes.txt"}
+
+
+def test_all_files_are_looked_at_now_and_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process begins with a look, and never lets the folder grow by more than it writes between
+    two."""
+    monkeypatch.setattr(store, "_MOST_FILES", 3)
+    monkeypatch.setattr(store, "_SELDOM", 5)
+    monkeypatch.setattr(store, "_WRITTEN", count())
+    found = []
+    for i in range(16):
+        keep(tmp_path / f"{i}.o", "a", b"code")
+        found.append(len(list(tmp_path.iterdir())))
+    assert found == [1, 2, 3, 4, 5, 3, 4, 5, 6, 7, 3, 4, 5, 6, 7, 3]
 
 
 def test_what_was_just_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -419,6 +419,8 @@ def test_rows_of_samples_are_freed_while_names_are_listed() -> None:
         def __del__(self) -> None:
             del FUNCTIONS[self.name]
 
+    gc.collect()
+    gc.freeze()  # what is there is not looked at again and again
     thresholds = gc.get_threshold()
     gc.set_threshold(1)
     try:

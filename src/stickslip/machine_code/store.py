@@ -19,6 +19,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from itertools import count
 from pathlib import Path
 from threading import RLock
 
@@ -30,12 +31,14 @@ _DIGEST = 32  # bytes
 _LARGEST = 2**28  # largest number of bytes of a file
 # Limits of these files in a folder; the most recently read ones are kept.
 _MOST_FILES, _MOST_BYTES = 2000, 2**29
+_SELDOM = 32  # files that a process writes from one look at all of them to the next
 _CODE = (".o", ".bc", ".list", ".ptx", ".cubin")
 _PASSING = "stickslip-"  # prefix of the names of locks and of unfinished files
 _PATIENCE = 600  # seconds to wait for a lock
 _HOUR, _DAY = 3600, 86400
 _POSIX = os.name == "posix"
 _LOCK = RLock()
+_WRITTEN = count()
 
 
 def _flags(*names: str) -> int:
@@ -150,7 +153,8 @@ def keep(path: Path, key: str, code: bytes) -> None:
         with suppress(OSError):
             with _unfinished(path.parent, content) as unfinished:
                 os.replace(unfinished, path)
-            _tidy(path)
+            if next(_WRITTEN) % _SELDOM == 0:
+                _tidy(path)
 
 
 @contextmanager

@@ -15,8 +15,9 @@ from stickslip.orbits.fields.instructions import Evaluator, Listing, PointFuncti
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Scope
 from stickslip.symbolic.functions import FUNCTIONS, Function
+from systems import published
 
-DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}
+DECLARED = {name: published(name).declaration for name in catalogue.names()}
 WITH_FIELDS = [
     name for name, d in DECLARED.items() if not d.resisted and not any(c.opens for c in d.contacts)
 ]
@@ -111,7 +112,7 @@ def test_kinks_are_refused() -> None:
 @pytest.mark.parametrize("name", WITH_FIELDS)
 def test_fields_of_the_catalogue(name: str) -> None:
     """Rates and guards of the mode a motion starts in, as NumPy has them."""
-    system = catalogue.get(name)
+    system = published(name)
     equations = derive(system.declaration)
     first = simulate(system, (system.span[0], system.span[0] + 0.1)).knots
     mode, region = (tuple(map(int, part[0])) for part in (first.mode, first.region))

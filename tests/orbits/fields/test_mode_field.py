@@ -18,7 +18,7 @@ from stickslip.motion.steps.arrays import OK, Constants, Rows, Space
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
-from systems import ode, oscillator, pair
+from systems import ode, oscillator, pair, published
 
 
 def resting_body(n: int) -> System:
@@ -40,7 +40,7 @@ def resting_body(n: int) -> System:
     )
 
 
-SYSTEMS = {name: catalogue.get(name) for name in catalogue.names()}
+SYSTEMS = {name: published(name) for name in catalogue.names()}
 # A rate that solves an equation has no formula, and an impact is no mode.
 SYSTEMS = {
     name: s for name, s in SYSTEMS.items() if not s.declaration.resisted and not s.unilateral
