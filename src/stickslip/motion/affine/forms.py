@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,8 @@ FACETS = 16
 # largest number of contacts and kinks of a system with closed forms: the number of a mode fits into
 # 64 bits up to 39
 MOST_SWITCHES = 30
+_LARGE = 4096  # number of components of all states above which storage is one block
+_ALIGNED = 64  # bytes at a multiple of which arrays begin
 # Columns of ClosedForms.counts.
 EXPONENTS, GUARDS, SEARCHED = range(3)
 
@@ -129,6 +131,29 @@ class ClosedForms(NamedTuple):
     flown: IntVector
 
 
+class _Block:
+    """Arrays of zeros from one block of memory.
+
+    Parameters
+    ----------
+    size : int
+        Its bytes; arrays that do not fit are allocated separately.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._memory = np.zeros(size, np.uint8)
+        self._used = 0
+
+    def __call__(self, shape: int | tuple[int, ...], dtype: type = np.float64) -> Any:
+        """An array of zeros."""
+        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        begin = self._used
+        if begin + size > len(self._memory):
+            return np.zeros(shape, dtype)
+        self._used = begin + -(-size // _ALIGNED) * _ALIGNED
+        return self._memory[begin : begin + size].view(dtype).reshape(shape)
+
+
 def make_closed_forms(
     groups: int,
     slots: int,
@@ -157,10 +182,12 @@ def make_closed_forms(
     guards = kinks + 2 * contacts + required + FACETS * planes
     m = groups * slots
     ns = n + 2 + 2 * waves
-    z = np.zeros
+    rows = guards + n
+    # Large arrays come from one block, of which the system clears only the part that is used.
+    size = m * ns * (8 * ns + 16 * n + 40 * rows + 8 * (guards + 3 * contacts) + _ALIGNED)
+    z = _Block(size) if m * n > _LARGE else np.zeros
     i = np.int64
     c = np.complex128
-    rows = guards + n
     return ClosedForms(
         status=z(m, i),
         key=z(m, i),
