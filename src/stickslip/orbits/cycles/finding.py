@@ -74,7 +74,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     """A cycle continued to other parameters."""
     old = start.orbit
     problem = pose(old.problem.system, {**old.problem.parameters, **(parameters or {})})
-    pieces = Pieces(problem.compiled.equations)
+    pieces = start.shooting.pieces.with_free()
     setting = start.shooting.setting
     w: Window | Setting
     if setting.surroundings.contain(old.motion.knots):

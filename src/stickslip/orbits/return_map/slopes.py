@@ -56,7 +56,7 @@ def _solved(closed: Closed, name: str) -> CycleSlope:
         exact = flies(orbit.motion)
         if exact != problem.exact:  # a new problem has to make its closed forms
             problem = replace(problem, exact=exact)
-        pieces = Pieces(problem.compiled.equations, name)
+        pieces = shooting.pieces.with_free(name)
         unknowns = orbit.x[:-1] if shooting.free else orbit.x
         shooting = shooting.with_pieces(pieces, problem)
         orbit = shooting.orbit(np.append(unknowns, problem.parameters[name]))

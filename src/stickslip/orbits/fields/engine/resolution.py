@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Rows
 from stickslip.motion.steps.sets import slides_in_plane
