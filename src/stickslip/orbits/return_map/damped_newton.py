@@ -76,7 +76,7 @@ def near(
     )
     piece = pieces(motion.knots.mode[0], motion.knots.region[0])
     station = make_station(0.0, piece, found.time, found.state, parameter_values(problem), sizes)
-    shooting = Shooting(problem, pieces, [station], found.time, setting)
+    shooting = Shooting(problem, pieces, [station], found.time, setting, [motion])
     return shooting, shooting.guess(found.period, found.shift)
 
 
@@ -332,7 +332,7 @@ def restarted(
                 setting.sizes,
             )
         )
-    new = Shooting(orbit.problem, shooting.pieces, stations, start, setting)
+    new = Shooting(orbit.problem, shooting.pieces, stations, start, setting, [motion])
     return new, new.guess(orbit.period, orbit.shift)
 
 

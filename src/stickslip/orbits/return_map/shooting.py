@@ -220,6 +220,8 @@ class Shooting:
         With the free parameter, if there is one; it is then the last component of x.
     start : float
         Time of the first station.
+    motions : sequence of Trajectory
+        Known motions, which are not computed again.
     """
 
     def __init__(
@@ -229,8 +231,10 @@ class Shooting:
         stations: Sequence[Station],
         start: float,
         setting: Setting,
+        motions: Sequence[Trajectory] = (),
     ) -> None:
         self.problem = problem
+        self.motions = motions
         self.pieces = pieces
         self.stations: list[Station] = list(stations)
         self.start = start
@@ -247,7 +251,9 @@ class Shooting:
         self._shifted = bool(np.any(setting.moved(self.symmetry, 1.0)))
         self._last: Orbit | None = None
 
-    def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
+    def with_pieces(
+        self, pieces: Pieces, problem: Problem, motions: Sequence[Trajectory] = ()
+    ) -> Shooting:
         """The same equations with another free parameter."""
         stations = []
         for station in self.stations:
@@ -255,7 +261,7 @@ class Shooting:
             stations.append(
                 replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8)))
             )
-        return Shooting(problem, pieces, stations, self.start, self.setting)
+        return Shooting(problem, pieces, stations, self.start, self.setting, motions)
 
     def with_problem(self, problem: Problem) -> Shooting:
         """The same unknowns for other values of the parameters."""
@@ -407,8 +413,20 @@ class Shooting:
         if self.free:
             directions = np.vstack([directions, np.zeros(directions.shape[1])])
             directions = np.column_stack([directions, np.append(place.by_parameter, 1.0)])
-        motion = follow_state(problem, *times, place.state)
+        motion = self._known(problem, times, place.state)
+        if motion is None:
+            motion = follow_state(problem, *times, place.state)
         return Leg(station.part, end, place, motion, self.pieces, directions)
+
+    def _known(
+        self, problem: Problem, times: tuple[float, float], state: Array
+    ) -> Trajectory | None:
+        """The known motion from a state, if there is one."""
+        for motion in self.motions:
+            same = motion.problem is problem and motion.t_span == times
+            if same and np.array_equal(motion.knots.state[0], state):
+                return motion
+        return None
 
     def _close(self, F: Array, J: Array | None, orbit: Orbit, j: int) -> None:
         """Equations for the end of a leg at the beginning of the next one, in the rows of the
