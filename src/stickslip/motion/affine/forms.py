@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.arrays import (
+    Array,
     Array3,
     ComplexArray3,
     ComplexMatrix,
@@ -17,6 +18,7 @@ from stickslip.arrays import (
     Vector,
 )
 from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
+from stickslip.motion.affine.kept_slopes import KeptSlopes, make_kept_slopes
 from stickslip.motion.affine.matrices import Probes, make_probes
 from stickslip.motion.algebra.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, Rows
@@ -283,6 +285,8 @@ class Making(NamedTuple):
     ones : array, shape (2, ns)
     kept : KeptModes
         Eigenvectors of modes that this work space has seen.
+    slopes : KeptSlopes
+        Their slopes over the state.
     """
 
     probes: Probes
@@ -298,16 +302,21 @@ class Making(NamedTuple):
     down: ComplexMatrix
     ones: Matrix
     kept: KeptModes
+    slopes: KeptSlopes
 
 
-def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
+def make_making(rows: Rows, waves: int, timed: bool, known: tuple[Array, int] | None) -> Making:
     """The same for closed forms."""
+    probes = make_probes(rows, waves, timed)
+    scaling, matrices = known or (np.zeros(0, np.int64), 0)
+    switches = len(rows.u) + len(rows.kinks)
+    shape = (len(probes.F), int(rows.sizes[DIMENSION]) if known else 0)
     n = int(rows.sizes[DIMENSION])
     ns = n + 2 + 2 * waves
     z = np.zeros
     c = np.complex128
     return Making(
-        probes=make_probes(rows, waves, timed),
+        probes=probes,
         spectrum=make_eigenproblem(n),
         moving=z(n, np.int64),
         part=z(n, np.int64),
@@ -319,7 +328,8 @@ def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
         up=z((n, waves), c),
         down=z((n, waves), c),
         ones=z((2, ns)),
-        kept=make_kept_modes(n if keeps else 0),
+        kept=make_kept_modes(n if known else 0),
+        slopes=make_kept_slopes(scaling, matrices, switches, shape),
     )
 
 
@@ -375,15 +385,18 @@ class Flight(NamedTuple):
     making: Making
 
 
-def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flight:
+def make_flight(
+    rows: Rows, waves: int, timed: bool, known: tuple[Array, int] | None = None
+) -> Flight:
     """Work space of the flights of a system with so many frequencies.
 
     Parameters
     ----------
     timed : bool
         Whether time acts on it.
-    keeps : bool
-        Whether eigenvectors of modes are kept.
+    known : (array of int, int), optional
+        Of :func:`stickslip.motion.affine.kept_slopes.make_kept_slopes`, if slopes and eigenvectors
+        of modes are to be kept.
     """
     z = np.zeros
     c = np.complex128
@@ -416,5 +429,5 @@ def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flig
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
-        making=make_making(rows, waves, timed, keeps),
+        making=make_making(rows, waves, timed, known),
     )
