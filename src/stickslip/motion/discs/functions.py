@@ -69,7 +69,7 @@ def add_terms(tape: DiscTape, i: int) -> None:
             bound = largest_term(tape, j)
             if bound > largest:
                 most, largest = j, bound
-        if p.term_row[most] >= 0:
+        if largest >= 0.0 and p.term_row[most] >= 0:
             near = abs(factor(p, K, most)) * discs[p.term_row[most], AT_LEAST]
             for k in range(first, last):
                 near -= largest_term(tape, k) if k != most else 0.0
