@@ -317,7 +317,9 @@ def left_out(s: SignalSum, start: float, h: float) -> float:
     total = 0.0
     for j in range(len(s.lam)):
         if window_of(s, j, start) < h:
-            total += abs(s.z[j]) * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
+            z = s.z[j]
+            size = math.sqrt(z.real * z.real + z.imag * z.imag)
+            total += size * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
     return total
 
 
