@@ -172,8 +172,7 @@ class Tabled(Routine):
         stores = list(stores)
         patterns = [_pattern_of(store) for store in stores]
         for group in grouped(patterns, _levels(stores)):
-            # Long sums are loops, whose common part is a kernel.
-            if len(group) < FEWEST_REPETITIONS or _is_long_sum(stores[group[0]].value):
+            if len(group) < FEWEST_REPETITIONS or _is_kernel(stores[group[0]].value):
                 super().statements(stores[i] for i in group)
                 continue
             pattern = stores[group[0]]
@@ -218,6 +217,12 @@ class Tabled(Routine):
 def _is_long_sum(s: Scalar) -> bool:
     """Whether a value is a sum of many terms."""
     return s.op == "sum" and len(s.args) >= _LONG_SUM
+
+
+def _is_kernel(s: Scalar) -> bool:
+    """Whether a value is a long sum of which a kernel computes a part: its numbers are in a table
+    of its own, so that it cannot be one of many repetitions."""
+    return _is_long_sum(s) and any(map(_is_weighted_modulus, s.args))
 
 
 def _is_weighted_modulus(s: Scalar) -> bool:
