@@ -32,6 +32,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.errors import ConvergenceError
 from stickslip.palette import LINES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -53,7 +54,7 @@ NOTES = [
     "unknown, its force is computed from samples of half a period, and Newton's method uses their "
     "exact derivative. Errors are those of the amplitude. stickslip returns a cycle with a "
     "certificate, its multipliers and its modes; harmonic balance returns harmonics. A point of a "
-    f"response starts from the state of the previous cycle, of {POINTS} frequencies between 0.9 "
+    f"response starts from the previous cycle, of {POINTS} frequencies between 0.9 "
     "and 1.1 times that of the single point. Times are processor times, minima of "
     f"{ROUNDS} rounds.",
     "",
@@ -306,6 +307,15 @@ def certified(problem: Problem, start: Any = None, omega: float | None = None) -
     return cycle
 
 
+def next_cycle(problem: Problem, cycle: ss.Cycle | None, omega: float) -> ss.Cycle:
+    """The cycle at another frequency, from a neighbour; from its state if it is far from it."""
+    try:
+        return certified(problem, cycle, omega)
+    except ConvergenceError:
+        assert cycle is not None
+        return certified(problem, beginning(problem, cycle), omega)
+
+
 def beginning(problem: Problem, cycle: ss.Cycle) -> dict[str, float]:
     """The state of a cycle where the force begins its period, to start from at another one."""
     whole = np.ceil(float(cycle.trajectory.knots.time[0]) / cycle.period)
@@ -406,9 +416,9 @@ def measured(problem: Problem) -> tuple[list[Row], str]:
             x, _ = balance.cycle(omega, x)
 
     def followed() -> None:
-        state = None
+        cycle = None
         for omega in omegas:
-            state = beginning(problem, certified(problem, state, omega))
+            cycle = next_cycle(problem, cycle, omega)
 
     alone: dict[str, Callable[[], object]] = {"0": lambda: certified(problem)}
     along: dict[str, Callable[[], object]] = {"0": followed}

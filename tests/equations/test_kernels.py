@@ -64,7 +64,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def test_all_are_in_the_engine() -> None:
-    assert len(KERNELS) == 8
+    assert len(KERNELS) == 9
     assert all(shelf.engine().address(k.symbol) for k in KERNELS.values())
 
 
@@ -83,6 +83,9 @@ def test_sums(a: list[float], b: list[float], data: st.DataObject) -> None:
         assert same(compiled(kernels.reached, x, y, n), kernels.reached(x, y, n))
         W = np.outer(y, [1.0, 2.0, 3.0])[:, 1:]
         assert same(compiled(kernels.applied, x, W, n), kernels.applied(x, W, n))
+        rows = np.array([3, 0, 7, 1, 6, 2, 5, 4])
+        summed = x, rows, W, n
+        assert same(compiled(kernels.summed_moduli, *summed), kernels.summed_moduli(*summed))
 
 
 def problem(n: int, kind: str) -> Array:

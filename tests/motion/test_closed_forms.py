@@ -285,7 +285,7 @@ def test_a_million_radians_are_certified() -> None:
 
 
 @pytest.mark.parametrize("modes", [9, 24])
-def test_kept_eigenvectors_change_no_bit(modes: int) -> None:
+def test_kept_slopes_and_eigenvectors_change_no_bit(modes: int) -> None:
     """Modes at other frequencies, amplitudes and thresholds, made by a work space that has seen
     them, and by new ones."""
     n = modes
@@ -314,6 +314,8 @@ def test_kept_eigenvectors_change_no_bit(modes: int) -> None:
     # Directions of slip do not change the matrices, and of the numbers only the stiffness does.
     assert shared is not None
     assert int(shared.making.kept.used[USED]) == 2 * 2**2
+    # Slopes are those of each mode.
+    assert int(shared.making.slopes.used[USED]) == 2 * 3**2
     # On a device each of thousands of lanes has its own work space.
     assert len(thread_space(pose(system, {})).flight.making.kept.blocks) == 0
 

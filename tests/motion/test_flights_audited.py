@@ -15,6 +15,8 @@ import pytest
 
 import stickslip as ss
 from stickslip.arrays import Array
+from stickslip.equations.native.systems import compile_system
+from stickslip.kept import kept
 from stickslip.motion.affine.forms import ClosedForms
 from stickslip.motion.audit.accounts import Accounts, make_accounts
 from stickslip.motion.audit.flights.arrays import make_flight_audit
@@ -304,3 +306,31 @@ def test_states_in_flights_that_begin_at_another_time() -> None:
         m.dense_output.states_by_steps(middles, steps),
     )
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
+
+
+def test_kept_evaluations_change_no_bit() -> None:
+    """Audits after those of other loads, thresholds and springs, and audits of new systems."""
+    n = 9
+    K = 1e4 * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+
+    def chain() -> ss.System:
+        body = ss.Structure(np.diag(np.geomspace(1.0, 1e-6, n)), K, ss.ModalDamping(0.02))
+        return ss.System(
+            name="chain",
+            parameters={"omega": 40.0, "F": 30.0, "F_c": 0.5, "k": 500.0},
+            structures={"u": body},
+            forces={"u[0]": "F*cos(omega*t)"},
+            contacts={"rub": ss.laws.jenkins("d_u[2]", F_c="F_c", k="k")},
+        )
+
+    shared = chain()
+    every = [(40.0, 30.0, 0.5, 500.0), (41.0, 20.0, 0.5, 500.0), (41.0, 20.0, 0.4, 500.0)]
+    for values in [*every, (41.0, 20.0, 0.4, 600.0), every[0]]:
+        parameters = dict(zip(shared.parameters, values, strict=True))
+        one, other = (
+            ss.simulate(system, SPAN, parameters=parameters).audit for system in (shared, chain())
+        )
+        np.testing.assert_array_equal(one.residuals, other.residuals)
+        np.testing.assert_array_equal(one.dissipated, other.dissipated)
+    known = kept(compile_system(shared), "evaluations")
+    assert len({constants for _, constants in known}) == 2  # of two springs

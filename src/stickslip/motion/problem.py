@@ -18,6 +18,8 @@ from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.affine.forms import MOST_SWITCHES, make_closed_forms, make_flight
+from stickslip.motion.affine.kept_modes import FEWEST_KEPT
+from stickslip.motion.affine.kept_slopes import scaling_constants
 from stickslip.motion.rows import layout_rows
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -240,10 +242,15 @@ class Problem:
         return flagged(make_space(self.rows, layout.rows, layout.magnitudes, self.order))
 
     def flight(self, keeps: bool = True) -> Flight:
-        """New work space for the closed forms; `keeps`: as of
-        :func:`stickslip.motion.affine.forms.make_flight`."""
+        """New work space for the closed forms; `keeps`: whether slopes and eigenvectors of modes
+        are kept."""
         layout = self.compiled.layout
-        return make_flight(self.rows, layout.frequencies, layout.timed, keeps)
+        known = None
+        if keeps and len(layout.state) >= FEWEST_KEPT:
+            tape = [*layout.instructions, *layout.shown]
+            scaling = scaling_constants(tape, len(layout.state), layout.constants)
+            known = scaling, sum(math.prod(layout.shape(name)) for name in ("M", "C", "J"))
+        return make_flight(self.rows, layout.frequencies, layout.timed, known)
 
     @cached_property
     def rows(self) -> Rows:

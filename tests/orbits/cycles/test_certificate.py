@@ -145,7 +145,8 @@ def test_wrong_derivatives(wrong: str) -> None:
         after[stuck, 1] += 1e-6
     else:
         after[-1] *= 1.001
-    changed = replace(leg, change=replace(leg.change, after=after))
+    changed = replace(leg)
+    vars(changed)["change"] = replace(leg.change, after=after)
     orbit = replace(closed.orbit, legs=[changed])
     assert wrong in bad(certify_cycle(Closed(closed.shooting, orbit)))
 

@@ -27,6 +27,8 @@ from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles import finding
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.find_cycle import find_cycle
+from stickslip.orbits.fields.variational import variation
+from stickslip.orbits.return_map import shooting
 from stickslip.symbolic import expressions as ex
 from systems import distance, oscillator
 
@@ -418,3 +420,20 @@ def test_phases_without_a_contact_that_sticks() -> None:
     assert [phase.modes for phase in cycle.phases] == [{}, {}]
     assert [p.duration for p in cycle.phases] == pytest.approx([math.pi / 2] * 2, rel=1e-9)
     assert cycle.summary().good
+
+
+def test_few_derivatives_are_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cycle from its neighbour: a derivative for the prediction, one for each set of stations,
+    and one for its multipliers; trial steps have none."""
+    system = catalogue.jenkins_oscillator()
+    cycle = find_cycle(system)
+    made = list[float]()
+
+    def counted(motion: Any, *given: Any, **named: Any) -> Any:
+        made.append(motion.t_span[0])
+        return variation(motion, *given, **named)
+
+    monkeypatch.setattr(shooting, "variation", counted)
+    again = find_cycle(system, cycle, parameters={"omega": 1.001 * system.values["omega"]})
+    assert again.stable
+    assert len(made) <= 5

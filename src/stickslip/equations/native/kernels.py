@@ -6,7 +6,7 @@ Every product that is added is rounded once, together with the sum.
 
 from __future__ import annotations
 
-from stickslip.arrays import Matrix, Vector
+from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.equations.codegen.series import eliminated, shared_inverse
 from stickslip.machine_code.functions import Kernel
 from stickslip.numerics.levels import LEAST_PIVOT
@@ -56,6 +56,24 @@ def reached(R: Vector, mag: Vector, n: int) -> float:
     for j in range(n):
         s = fma(abs(R[j]), mag[j], s)
     return s
+
+
+@Kernel
+def summed_moduli(factors: Vector, rows: IntVector, W: Matrix, n: int) -> float:
+    """Σ factors[j] |W[rows[j], 0]| for j < n."""
+    # Four sums: additions do not wait for each other.
+    a = b = c = d = 0.0
+    j = 0
+    while j + 3 < n:
+        a = fma(factors[j], abs(W[rows[j], 0]), a)
+        b = fma(factors[j + 1], abs(W[rows[j + 1], 0]), b)
+        c = fma(factors[j + 2], abs(W[rows[j + 2], 0]), c)
+        d = fma(factors[j + 3], abs(W[rows[j + 3], 0]), d)
+        j += 4
+    while j < n:
+        a = fma(factors[j], abs(W[rows[j], 0]), a)
+        j += 1
+    return (a + b) + (c + d)
 
 
 @Kernel

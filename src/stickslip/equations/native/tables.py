@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
+from stickslip.equations.native.kernels import summed_moduli
 from stickslip.equations.native.routines import InRegister, Routine, in_register
 from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
@@ -158,6 +159,12 @@ class Tabled(Routine):
             found = self.new(WHOLE, f"sext {number.typed} to {WHOLE}")
         return Whole.loaded(self, found)
 
+    def _terms(self, terms: Sequence[Pattern]) -> tuple[Register, Register]:
+        """The addresses of the factors and of the rows of terms."""
+        factors = np.array([term.reals[0] for term in terms], dtype=np.float64)
+        rows = np.array([term.wholes[0] for term in terms], dtype=np.int64)
+        return self._column(factors), self._column(rows)
+
     # -- statements --------------------------------------------------------------------------------
 
     def statements(self, stores: Iterable[Store]) -> None:
@@ -165,7 +172,7 @@ class Tabled(Routine):
         stores = list(stores)
         patterns = [_pattern_of(store) for store in stores]
         for group in grouped(patterns, _levels(stores)):
-            if len(group) < FEWEST_REPETITIONS:
+            if len(group) < FEWEST_REPETITIONS or _is_kernel(stores[group[0]].value):
                 super().statements(stores[i] for i in group)
                 continue
             pattern = stores[group[0]]
@@ -180,7 +187,7 @@ class Tabled(Routine):
 
     def _scalar(self, s: Scalar) -> Operand:
         """A value; long sums are loops."""
-        if s.op != "sum" or len(s.args) < _LONG_SUM:
+        if not _is_long_sum(s):
             return super()._scalar(s)
         patterns = [_pattern_of(term) for term in s.args]
         total: Operand = 0.0
@@ -190,6 +197,12 @@ class Tabled(Routine):
                     total = self.add(total, self.scalar(s.args[i]))
                 continue
             pattern = s.args[group[0]]
+            if _is_weighted_modulus(pattern):
+                factors, rows = self._terms([patterns[i] for i in group])
+                W, along = self.data("W"), self.stride("W")
+                part = self.kernel(summed_moduli, factors, rows, W, along, len(group))
+                total = self.add(total, part)
+                continue
 
             def body(
                 wholes: list[Any], reals: list[Any], sum_so_far: Register, pattern: Scalar = pattern
@@ -199,6 +212,25 @@ class Tabled(Routine):
 
             (total,) = self.repeat([patterns[i] for i in group], body, total)
         return total
+
+
+def _is_long_sum(s: Scalar) -> bool:
+    """Whether a value is a sum of many terms."""
+    return s.op == "sum" and len(s.args) >= _LONG_SUM
+
+
+def _is_kernel(s: Scalar) -> bool:
+    """Whether a value is a long sum of which a kernel computes a part: its numbers are in a table
+    of its own, so that it cannot be one of many repetitions."""
+    return _is_long_sum(s) and any(map(_is_weighted_modulus, s.args))
+
+
+def _is_weighted_modulus(s: Scalar) -> bool:
+    """Whether a value is a number times the modulus of a coefficient of order 0."""
+    if s.op != "product" or [part.op for part in s.args] != ["number", "modulus"]:
+        return False
+    (entry,) = s.args[1].args
+    return entry.op == "entry" and entry.name == "W" and entry.index[1] == 0
 
 
 def grouped(patterns: Sequence[Pattern], levels: Sequence[int]) -> list[list[int]]:

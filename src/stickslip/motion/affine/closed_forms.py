@@ -74,7 +74,7 @@ def make_form(
     own = flow_of(flow, g)
     T.status[slot] = SMOOTH
     T.flown[slot] = 0
-    if not linearise(machine, own, mode, reg, w.probes):
+    if not linearise(machine, own, mode, reg, w.probes, w.slopes):
         return
     blocks = find_blocks(T, w, slot, own.k.omega)
     if blocks < 0 and damp_held(w, own.rows, mode):

@@ -11,11 +11,12 @@ the first zero of a guard.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import (
+    Array,
     Array3,
     ComplexArray3,
     ComplexMatrix,
@@ -26,6 +27,7 @@ from stickslip.arrays import (
     Vector,
 )
 from stickslip.motion.affine.kept_modes import KeptModes, make_kept_modes
+from stickslip.motion.affine.kept_slopes import KeptSlopes, make_kept_slopes
 from stickslip.motion.affine.matrices import Probes, make_probes
 from stickslip.motion.algebra.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, Rows
@@ -50,6 +52,8 @@ forces."""
 # Largest number of contacts and kinks of a system with closed forms; the number of a mode would fit
 # into 64 bits up to 39.
 MOST_SWITCHES = 30
+_LARGE = 4096  # number of components of all states above which storage is one block
+_ALIGNED = 64  # bytes at a multiple of which arrays begin
 # Columns of ClosedForms.counts.
 EXPONENTS, GUARDS, SEARCHED = range(3)
 
@@ -142,6 +146,29 @@ class ClosedForms(NamedTuple):
     flown: IntVector
 
 
+class _Block:
+    """Arrays of zeros from one block of memory.
+
+    Parameters
+    ----------
+    size : int
+        Its bytes; arrays that do not fit are allocated separately.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._memory = np.zeros(size, np.uint8)
+        self._used = 0
+
+    def __call__(self, shape: int | tuple[int, ...], dtype: type = np.float64) -> Any:
+        """An array of zeros."""
+        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        begin = self._used
+        if begin + size > len(self._memory):
+            return np.zeros(shape, dtype)
+        self._used = begin + -(-size // _ALIGNED) * _ALIGNED
+        return self._memory[begin : begin + size].view(dtype).reshape(shape)
+
+
 def make_closed_forms(
     groups: int,
     slots: int,
@@ -170,10 +197,12 @@ def make_closed_forms(
     guards = kinks + 2 * contacts + required + FACETS * planes
     m = groups * slots
     ns = n + 2 + 2 * waves  # components of s
-    z = np.zeros
+    rows = guards + n
+    # Large arrays come from one block, of which the system clears only the part that is used.
+    size = m * ns * (8 * ns + 16 * n + 40 * rows + 8 * (guards + 3 * contacts) + _ALIGNED)
+    z = _Block(size) if m * n > _LARGE else np.zeros
     i = np.int64
     c = np.complex128
-    rows = guards + n
     return ClosedForms(
         status=z(m, i),
         key=z(m, i),
@@ -270,6 +299,8 @@ class Making(NamedTuple):
         Work space for `ClosedForms.reach`.
     kept : KeptModes
         Eigenvectors of modes computed earlier in this work space.
+    slopes : KeptSlopes
+        Their slopes over the state.
     """
 
     probes: Probes
@@ -285,16 +316,21 @@ class Making(NamedTuple):
     down: ComplexMatrix
     ones: Matrix
     kept: KeptModes
+    slopes: KeptSlopes
 
 
-def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
+def make_making(rows: Rows, waves: int, timed: bool, known: tuple[Array, int] | None) -> Making:
     """Work space for the computation of closed forms; see :func:`make_flight`."""
+    probes = make_probes(rows, waves, timed)
+    scaling, matrices = known or (np.zeros(0, np.int64), 0)
+    switches = len(rows.u) + len(rows.kinks)
+    shape = (len(probes.F), int(rows.sizes[DIMENSION]) if known else 0)
     n = int(rows.sizes[DIMENSION])
     ns = n + 2 + 2 * waves
     z = np.zeros
     c = np.complex128
     return Making(
-        probes=make_probes(rows, waves, timed),
+        probes=probes,
         spectrum=make_eigenproblem(n),
         moving=z(n, np.int64),
         part=z(n, np.int64),
@@ -306,7 +342,8 @@ def make_making(rows: Rows, waves: int, timed: bool, keeps: bool) -> Making:
         up=z((n, waves), c),
         down=z((n, waves), c),
         ones=z((2, ns)),
-        kept=make_kept_modes(n if keeps else 0),
+        kept=make_kept_modes(n if known else 0),
+        slopes=make_kept_slopes(scaling, matrices, switches, shape),
     )
 
 
@@ -368,7 +405,9 @@ class Flight(NamedTuple):
     making: Making
 
 
-def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flight:
+def make_flight(
+    rows: Rows, waves: int, timed: bool, known: tuple[Array, int] | None = None
+) -> Flight:
     """Work space of the flights of a system.
 
     Parameters
@@ -377,8 +416,9 @@ def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flig
         Number of frequencies of the drives.
     timed : bool
         Whether the rates depend on time.
-    keeps : bool
-        Whether eigenvectors of modes are stored for reuse.
+    known : (array of int, int), optional
+        As in :func:`stickslip.motion.affine.kept_slopes.make_kept_slopes`, if slopes and
+        eigenvectors of modes are stored for reuse.
     """
     z = np.zeros
     c = np.complex128
@@ -411,5 +451,5 @@ def make_flight(rows: Rows, waves: int, timed: bool, keeps: bool = True) -> Flig
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
-        making=make_making(rows, waves, timed, keeps),
+        making=make_making(rows, waves, timed, known),
     )

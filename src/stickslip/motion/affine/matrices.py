@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
+from stickslip.motion.affine.kept_slopes import KeptSlopes, keep_slopes, recall_slopes
 from stickslip.motion.affine.structure import is_affine
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
@@ -130,7 +131,9 @@ def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
 
 
 @compiled()
-def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) -> bool:
+def linearise(
+    machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes, kept: KeptSlopes
+) -> bool:
     """Find the matrices of a mode; False if it has none.
 
     Parameters
@@ -138,6 +141,8 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     w : Probes
         Receives them.
+    kept : KeptSlopes
+        Slopes over the state that are known.
     """
     rows = flow.rows
     omega = flow.k.omega
@@ -178,16 +183,18 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
                 if abs(F[r, n + k]) <= FEW_ROUNDINGS * w.peak[r]:
                     F[r, n + k] = 0.0
             F[r, n + 1] /= window
-    # The state: one component at a time.
-    for j in range(n):
-        w.y[j] = _PROBE
-        if not probe(machine, flow, Instant(0.0, w.y, mode, reg), w.out):
-            return False
-        w.y[j] = 0.0
-        for r in range(len(F)):
-            change = w.out[r] - w.rest[r]
-            if abs(change) > 2.0 * EPSILON * (abs(w.out[r]) + abs(w.rest[r])):
-                F[r, j] = change / _PROBE
+    if not recall_slopes(kept, flow.k, mode, reg, F):
+        # One component of the state at a time.
+        for j in range(n):
+            w.y[j] = _PROBE
+            if not probe(machine, flow, Instant(0.0, w.y, mode, reg), w.out):
+                return False
+            w.y[j] = 0.0
+            for r in range(len(F)):
+                change = w.out[r] - w.rest[r]
+                if abs(change) > 2.0 * EPSILON * (abs(w.out[r]) + abs(w.rest[r])):
+                    F[r, j] = change / _PROBE
+        keep_slopes(kept, flow.k, mode, reg, F)
     for k in range(_CHECKS):
         # Small and large states.
         for i in range(n):

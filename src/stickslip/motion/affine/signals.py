@@ -303,7 +303,8 @@ def advance_signal(s: SignalSum, start: float, valued: bool) -> float:
 @compiled()
 def window_of(s: SignalSum, j: int, start: float) -> float:
     """Interval in which the Taylor polynomial of an exponential is accurate."""
-    size = abs(s.lam[j])
+    lam = s.lam[j]
+    size = math.sqrt(lam.real * lam.real + lam.imag * lam.imag)
     if size == 0.0 or s.a[j] == 0.0j:
         return np.inf
     spent = max(-s.lam[j].real * start, 0.0) / (_WINDOW_ORDER + 1)
@@ -316,7 +317,9 @@ def left_out(s: SignalSum, start: float, h: float) -> float:
     total = 0.0
     for j in range(len(s.lam)):
         if window_of(s, j, start) < h:
-            total += abs(s.z[j]) * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
+            z = s.z[j]
+            size = math.sqrt(z.real * z.real + z.imag * z.imag)
+            total += size * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
     return total
 
 
@@ -351,6 +354,15 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
     return h, bound
 
 
+@compiled(inline=True)
+def kept_term(s: SignalSum, j: int, start: float, h: float) -> tuple[complex, complex]:
+    """An exponential at a time, and its exponent in a window; zeros if there is none, or if it is
+    omitted."""
+    if j >= len(s.lam) or window_of(s, j, start) < h:
+        return complex(0.0, 0.0), complex(0.0, 0.0)
+    return s.z[j], s.lam[j] * h
+
+
 @compiled()
 def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     """Taylor polynomial of a signal at a time, in powers of a window, without the omitted
@@ -370,13 +382,19 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     work[0] = c[0] + start * (c[1] + start * c[2])
     work[1] = (c[1] + 2.0 * c[2] * start) * h
     work[2] = c[2] * h * h
-    for j in range(len(s.lam)):
-        if window_of(s, j, start) < h:
-            continue
-        z = s.z[j]
+    # Four at a time, since each product waits for the one before.
+    for j in range(0, len(s.lam), 4):
+        z0, lam0 = kept_term(s, j, start, h)
+        z1, lam1 = kept_term(s, j + 1, start, h)
+        z2, lam2 = kept_term(s, j + 2, start, h)
+        z3, lam3 = kept_term(s, j + 3, start, h)
         for k in range(N + 1):
-            work[k] += z.real
-            z = z * s.lam[j] * h / (k + 1)
+            work[k] += (z0.real + z1.real) + (z2.real + z3.real)
+            part = 1.0 / (k + 1)
+            z0 = z0 * (part * lam0)
+            z1 = z1 * (part * lam1)
+            z2 = z2 * (part * lam2)
+            z3 = z3 * (part * lam3)
     for m in range(len(s.omega)):
         z = s.b[m] * cmath.exp(1j * s.omega[m] * start)
         for k in range(N + 1):

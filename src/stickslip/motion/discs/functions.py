@@ -61,13 +61,19 @@ def add_terms(tape: DiscTape, i: int) -> None:
     ball += own
     near = 0.0
     if not abs(W[row, 0]) > ball + off:
-        # If one term exceeds the sum of all others, the sum stays away from zero.
+        # If one term exceeds the sum of all others, the sum stays away from zero. Only the term
+        # with the largest bound can.
+        most = first
+        largest = -1.0
         for j in range(first, last):
-            if p.term_row[j] >= 0:
-                others = abs(factor(p, K, j)) * discs[p.term_row[j], AT_LEAST]
-                for k in range(first, last):
-                    others -= largest_term(tape, k) if k != j else 0.0
-                near = max(near, others if others > 0.0 else 0.0)
+            bound = largest_term(tape, j)
+            if bound > largest:
+                most, largest = j, bound
+        if largest >= 0.0 and p.term_row[most] >= 0:
+            near = abs(factor(p, K, most)) * discs[p.term_row[most], AT_LEAST]
+            for k in range(first, last):
+                near -= largest_term(tape, k) if k != most else 0.0
+            near = near if near > 0.0 else 0.0
     store(W, discs, row, ball, off, near)
 
 

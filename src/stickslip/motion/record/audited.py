@@ -124,6 +124,10 @@ def _followed(
     """The same, from starts to ends."""
     from stickslip.motion.audit.accounts import make_accounts
     from stickslip.motion.audit.flights.arrays import has_long_flights, make_flight_audit
+    from stickslip.motion.audit.flights.remembered import (
+        recall_evaluations,
+        remember_evaluations,
+    )
     from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
     from stickslip.motion.audit.step_balance import audit_steps
 
@@ -137,7 +141,9 @@ def _followed(
             audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
             return accounts, 0, 0
         flights = make_flight_audit(forms, problem.shared_flight, problem.rows, True)
+        recall_evaluations(problem, flights)
         audit_motion(problem.machine, flow, flights, seen, starts, ends, accounts)
+        remember_evaluations(problem, flights)
         return accounts, int(flights.checked[WHOLE]), int(flights.checked[WITHOUT_EXTREMES])
 
     return unbroken(measured)

@@ -44,7 +44,7 @@ from stickslip.orbits.return_map.recurrence import (
     latest,
     window,
 )
-from stickslip.orbits.return_map.shooting import Shooting, parameter_values
+from stickslip.orbits.return_map.shooting import Setting, Shooting, parameter_values
 from stickslip.orbits.return_map.slopes import cycle_slope
 from stickslip.orbits.settling.single import Settled, settle_motion
 
@@ -74,8 +74,13 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
     """A cycle continued to other parameters."""
     old = start.orbit
     problem = pose(old.problem.system, {**old.problem.parameters, **(parameters or {})})
-    pieces = Pieces(problem.compiled.equations)
-    w = window(old.motion, pieces)
+    pieces = start.shooting.pieces.with_free()
+    setting = start.shooting.setting
+    w: Window | Setting
+    if setting.surroundings.contain(old.motion.knots):
+        w = replace(setting, symmetry=setting.at(old.problem))
+    else:
+        w = window(old.motion, pieces)
     y = old.legs[0].place.state
     found = Recurrence(time, y, old.period, start.shooting.setting.turns, old.shift, 0.0)
     if w.clock is not None:

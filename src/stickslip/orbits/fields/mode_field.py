@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from threading import RLock
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 _MOST_PIECES = 256  # largest number of cached pieces of a system
+_MANY = 64  # number of pieces above which those that are no longer needed are dropped
 _DEPENDENT = 1e-9  # relative distance of a gradient from the span of others on which it depends
 
 
@@ -211,6 +213,22 @@ def mass_at(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Ar
     return M
 
 
+class _Lock:
+    """A lock; copies are new ones."""
+
+    def __init__(self) -> None:
+        self._inside = RLock()
+
+    def __enter__(self) -> None:
+        self._inside.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._inside.release()
+
+    def __reduce__(self) -> tuple[type[_Lock], tuple[()]]:
+        return _Lock, ()
+
+
 class Pieces:
     """All pieces of a system, created on first access.
 
@@ -218,6 +236,11 @@ class Pieces:
     ----------
     *free : str
         Parameters to differentiate with respect to.
+
+    Attributes
+    ----------
+    lock : Lock
+        Held while the work space and the stored eigenvalues are used.
     """
 
     def __init__(self, equations: MotionEquations, *free: str) -> None:
@@ -227,6 +250,16 @@ class Pieces:
         self._numbers: dict[bytes, int] = {}
         self._listed: Listed | None = None
         self._spaces: dict[tuple[int, int], PassSpace] = {}
+        self._with_free: dict[tuple[str, ...], Pieces] = {}
+        self.lock = _Lock()
+
+    def with_free(self, *free: str) -> Pieces:
+        """The pieces with these free parameters, created on first access, and again when they have
+        become many."""
+        found = self if free == self.free else self._with_free.get(free)
+        if found is None or len(found.made) > _MANY:
+            found = self._with_free[free] = Pieces(self.equations, *free)
+        return found
 
     def __call__(self, mode: Array, region: Array) -> Piece:
         """The piece of a mode and region (arrays of int8), as the engine numbers them."""

@@ -13,7 +13,7 @@ with one of them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from stickslip.numerics.levels import (
 )
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
+
+if TYPE_CHECKING:
+    from stickslip.motion.record.knots import Knots
 
 _SAMPLES = 12  # samples of every piece at which symmetries are searched for
 _STANDS = 1e-10  # relative to 1 + the largest: a component of the frame that does not move
@@ -116,6 +119,9 @@ class Surroundings:
     states: Array
     sizes: Array
     _found: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _symmetries: dict[tuple[bytes, ...], Symmetry] = field(
+        default_factory=dict[tuple[bytes, ...], Symmetry], init=False, repr=False, compare=False
+    )
 
     def symmetry(self, p: Array, drives: Drives | None, cells: Array) -> Symmetry:
         """Symmetry for given parameters, from the drives (None: there are none) and cells in the
@@ -126,6 +132,12 @@ class Surroundings:
         DeclarationError
             If the system is driven and not invariant after one period of its drives.
         """
+        key = p.tobytes(), cells.tobytes(), *(np.asarray(d).tobytes() for d in drives or ())
+        if key not in self._symmetries:
+            self._symmetries[key] = self._symmetry(p, drives, cells)
+        return self._symmetries[key]
+
+    def _symmetry(self, p: Array, drives: Drives | None, cells: Array) -> Symmetry:
         shifts, frame = _split(self._unchanged(p))
         # Cells along continuous translations are redundant.
         N, C = shifts / self.sizes[:, None], cells / self.sizes[:, None]
@@ -134,6 +146,14 @@ class Surroundings:
         if frame is not None or drives is None:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)), cells)
         return Symmetry(shifts, None, self._turn(p, drives) / drives.parts, cells)
+
+    def contain(self, knots: Knots) -> bool:
+        """Whether they have points in all modes of a motion."""
+        pieces = dict.fromkeys(self.pieces)
+        own = {(piece.field.mode, piece.field.region) for piece in pieces}
+        steps = np.diff(knots.time) > 0.0
+        both = zip(knots.mode[:-1][steps], knots.region[:-1][steps], strict=True)
+        return all((tuple(map(int, m)), tuple(map(int, r))) in own for m, r in both)
 
     @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:

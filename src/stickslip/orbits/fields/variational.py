@@ -125,6 +125,13 @@ def variation(
         Whether derivatives are needed at all knots; if False, they may be NaN except at the start
         of each piece, and at the end.
     """
+    with pieces.lock:
+        return _varied(trajectory, pieces, directions, between)
+
+
+def _varied(
+    trajectory: Trajectory, pieces: Pieces, directions: Array | None, between: bool
+) -> Variation:
     run = _prepared(trajectory, pieces, directions, 1 if between else 2)
     listed = pieces.listed
     problem = trajectory.problem
@@ -174,9 +181,10 @@ def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of parts of each step in which linear motions are resolved by a Gauss rule."""
-    run = _prepared(trajectory, pieces, None, 0)
     rows = trajectory.problem.rows
-    resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
+    with pieces.lock:
+        run = _prepared(trajectory, pieces, None, 0)
+        resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
     return np.abs(run.parts[:-1])
 
 

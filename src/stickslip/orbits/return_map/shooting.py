@@ -33,7 +33,7 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.return_map.following import NoReturn, follow_state
-from stickslip.orbits.return_map.held import HELD, Held, nearest_slip, released, slips
+from stickslip.orbits.return_map.held import HELD, Held, Touch, nearest_slip, released, slips
 from stickslip.orbits.return_map.stations import Place, Station
 
 if TYPE_CHECKING:
@@ -61,20 +61,29 @@ class Leg:
         Parts of the period.
     place : Place
         Where it starts.
-    change : Variation
-        Its directions are those of the station's coordinates, then a later start, then the
-        parameter. Between switches it may be NaN.
-    rate : array
-        Rates at its end.
+    directions : array, shape (m, directions)
+        Perturbations of its start: those of the station's coordinates, then a later start, then the
+        parameter.
     """
 
     begin: float
     end: float
     place: Place
     motion: Trajectory
-    change: Variation
     pieces: Pieces
-    rate: Array
+    directions: Array
+
+    @cached_property
+    def change(self) -> Variation:
+        """The variation in these directions. Between switches it may be NaN."""
+        return variation(self.motion, self.pieces, self.directions, between=False)
+
+    @cached_property
+    def rate(self) -> Array:
+        """Rates at its end."""
+        k = self.motion.knots
+        p = parameter_values(self.motion.problem)
+        return self.change.pieces[-1].rates(float(k.time[-1]), k.state[-1], p)
 
     @cached_property
     def varied(self) -> Variation:
@@ -153,8 +162,12 @@ class Orbit:
         Unknowns: coordinates of all stations, period, drifts, and the parameter if it is free.
     shift : array, shape (n,)
         State one period later minus state.
-    F, J : arrays
-        Residual and derivative.
+    F : array
+        Residual.
+    shooting : Shooting
+        The equations.
+    touches : dict
+        By contacts that are held at an edge, where they are nearest to slipping.
     """
 
     x: Array
@@ -163,7 +176,14 @@ class Orbit:
     shift: Array
     legs: list[Leg]
     F: Array
-    J: Array
+    shooting: Shooting
+    touches: dict[int, Touch] = field(default_factory=dict[int, Touch])
+
+    @cached_property
+    def J(self) -> Array:
+        """Derivative of the residual."""
+        # Most trial steps need the residual only, and the variation costs more than the motion.
+        return self.shooting.derivative(self)
 
     @property
     def start(self) -> str:
@@ -200,6 +220,8 @@ class Shooting:
         With the free parameter, if there is one; it is then the last component of x.
     start : float
         Time of the first station.
+    motions : sequence of Trajectory
+        Known motions, which are not computed again.
     """
 
     def __init__(
@@ -209,8 +231,10 @@ class Shooting:
         stations: Sequence[Station],
         start: float,
         setting: Setting,
+        motions: Sequence[Trajectory] = (),
     ) -> None:
         self.problem = problem
+        self.motions = motions
         self.pieces = pieces
         self.stations: list[Station] = list(stations)
         self.start = start
@@ -227,7 +251,9 @@ class Shooting:
         self._shifted = bool(np.any(setting.moved(self.symmetry, 1.0)))
         self._last: Orbit | None = None
 
-    def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
+    def with_pieces(
+        self, pieces: Pieces, problem: Problem, motions: Sequence[Trajectory] = ()
+    ) -> Shooting:
         """The same equations with another free parameter."""
         stations = []
         for station in self.stations:
@@ -235,7 +261,7 @@ class Shooting:
             stations.append(
                 replace(station, piece=pieces(np.array(mode, np.int8), np.array(region, np.int8)))
             )
-        return Shooting(problem, pieces, stations, self.start, self.setting)
+        return Shooting(problem, pieces, stations, self.start, self.setting, motions)
 
     def with_problem(self, problem: Problem) -> Shooting:
         """The same unknowns for other values of the parameters."""
@@ -336,27 +362,44 @@ class Shooting:
         shift = known.value + self.symmetry.shifts @ x[self.drifts]
         legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
         F = np.zeros(len(x) - bool(self.free))
-        J = np.zeros((len(x) - bool(self.free), len(x)))
-        for j in range(len(legs)):
-            self._close(F, J, x, legs, j, shift)
-        # After a period the state is shifted: known shifts by drives, free ones by translations.
+        orbit = Orbit(x.copy(), problem, period, shift, legs, F, self)
+        self._fill(orbit, F, None)
+        return orbit
+
+    def derivative(self, orbit: Orbit) -> Array:
+        """Derivative of the residual of an orbit with respect to its unknowns."""
+        J = np.zeros((len(orbit.F), len(orbit.x)))
+        self._fill(orbit, np.zeros(len(orbit.F)), J)
+        return J
+
+    def _fill(self, orbit: Orbit, F: Array, J: Array | None) -> None:
+        """Write the residual and, if there is an array for it, the derivative."""
+        x = orbit.x
+        for j in range(len(orbit.legs)):
+            self._close(F, J, orbit, j)
         home = slice(*self.first[:2])
-        chart = self.stations[0].chart
-        J[home, self.time] -= chart @ known.by_time
-        J[home, self.drifts] = -chart @ self.symmetry.shifts
-        if self.free:
-            J[home, -1] -= chart @ known.by_parameter
-        self._hold(F, J, legs)
+        if J is not None:
+            # After a period the state is shifted: known shifts by drives, free ones by
+            # translations.
+            known = self.known_shift(orbit.problem, orbit.period)
+            chart = self.stations[0].chart
+            J[home, self.time] -= chart @ known.by_time
+            J[home, self.drifts] = -chart @ self.symmetry.shifts
+            if self.free:
+                J[home, -1] -= chart @ known.by_parameter
+        self._hold(F, J, orbit)
         row = self.time
         if self.symmetry.driven:
-            F[row], J[row] = self._clock(problem, x)
+            F[row], slopes = self._clock(orbit.problem, x)
+            if J is not None:
+                J[row] = slopes
             row += 1
         F[row:] = self.fixed @ x[home]
-        J[row:, home] = self.fixed
-        return Orbit(x.copy(), problem, period, shift, legs, F, J)
+        if J is not None:
+            J[row:, home] = self.fixed
 
     def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
-        """The motion from a station to the next, with its variation."""
+        """The motion from a station to the next."""
         station = self.stations[j]
         p = parameter_values(problem)
         end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
@@ -370,24 +413,37 @@ class Shooting:
         if self.free:
             directions = np.vstack([directions, np.zeros(directions.shape[1])])
             directions = np.column_stack([directions, np.append(place.by_parameter, 1.0)])
-        motion = follow_state(problem, *times, place.state)
-        change = variation(motion, self.pieces, directions, between=False)
-        rate = change.pieces[-1].rates(times[1], motion.knots.state[-1], p)
-        return Leg(station.part, end, place, motion, change, self.pieces, rate)
+        motion = self._known(problem, times, place.state)
+        if motion is None:
+            motion = follow_state(problem, *times, place.state)
+        return Leg(station.part, end, place, motion, self.pieces, directions)
 
-    def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
+    def _known(
+        self, problem: Problem, times: tuple[float, float], state: Array
+    ) -> Trajectory | None:
+        """The known motion from a state, if there is one."""
+        for motion in self.motions:
+            same = motion.problem is problem and motion.t_span == times
+            if same and np.array_equal(motion.knots.state[0], state):
+                return motion
+        return None
+
+    def _close(self, F: Array, J: Array | None, orbit: Orbit, j: int) -> None:
         """Equations for the end of a leg at the beginning of the next one, in the rows of the
         coordinates of that station."""
-        target = (j + 1) % len(legs)
-        leg = legs[j]
+        x, shift = orbit.x, orbit.shift
+        target = (j + 1) % len(orbit.legs)
+        leg = orbit.legs[j]
         n = len(shift)
         there = self.stations[target]
         rows = slice(*self.first[target : target + 2])
         own = slice(*self.first[j : j + 2])
         end = leg.motion.knots.state[-1] - (0.0 if target else shift)
+        F[rows] = there.chart @ (end - there.origin) - x[rows]
+        if J is None:
+            return
         M = there.chart @ leg.change.matrix[:n]
         q = own.stop - own.start
-        F[rows] = there.chart @ (end - there.origin) - x[rows]
         J[rows, own] += M[:, :q]
         J[rows, rows] -= np.eye(rows.stop - rows.start)
         # A longer period moves the end along the rates there, and starts the leg later.
@@ -395,19 +451,21 @@ class Shooting:
         if self.free:
             J[rows, -1] += M[:, -1]
 
-    def _hold(self, F: Array, J: Array, legs: list[Leg]) -> None:
+    def _hold(self, F: Array, J: Array | None, orbit: Orbit) -> None:
         """Equations for the positions of contacts that stick throughout, in the rows of the trivial
         equations."""
         station = self.stations[0]
         home = slice(*self.first[:2])
+        legs = orbit.legs
         for held, direction in zip(self.setting.held, self.release.T, strict=True):
             along = station.chart @ direction
             if not held.edge:
                 place = legs[0].place
                 F[home] += along * (held.form @ (place.state - station.origin))
-                J[home, home] += np.outer(along, held.form @ place.directions)
-                if self.free:
-                    J[home, -1] += along * (held.form @ place.by_parameter)
+                if J is not None:
+                    J[home, home] += np.outer(along, held.form @ place.directions)
+                    if self.free:
+                        J[home, -1] += along * (held.form @ place.by_parameter)
                 continue
             reach = held.edge * float(np.abs(held.form) @ self.setting.sizes)
             if slips(held, [leg.motion for leg in legs]):
@@ -415,16 +473,21 @@ class Shooting:
                 # displacement.
                 row = held.form @ station.basis
                 F[home] -= along * (2.0 * (row @ F[home]) + reach * HELD)
-                J[home] -= np.outer(along, 2.0 * (row @ J[home]))
+                if J is not None:
+                    J[home] -= np.outer(along, 2.0 * (row @ J[home]))
                 continue
-            touch = nearest_slip(held, [(leg.motion, leg.varied) for leg in legs], self.pieces)
-            own = slice(*self.first[touch.leg : touch.leg + 2])
-            q = len(touch.slopes) - 1 - bool(self.free)
+            touch = orbit.touches.get(held.contact)
+            if touch is None:
+                touch = nearest_slip(held, [(leg.motion, leg.varied) for leg in legs], self.pieces)
+                orbit.touches[held.contact] = touch
             F[home] += along * reach * touch.margin
-            J[home, own] += np.outer(along, reach * touch.slopes[:q])
-            J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
-            if self.free:
-                J[home, -1] += along * reach * touch.slopes[-1]
+            if J is not None:
+                own = slice(*self.first[touch.leg : touch.leg + 2])
+                q = len(touch.slopes) - 1 - bool(self.free)
+                J[home, own] += np.outer(along, reach * touch.slopes[:q])
+                J[home, self.time] += along * reach * legs[touch.leg].begin * touch.slopes[q]
+                if self.free:
+                    J[home, -1] += along * reach * touch.slopes[-1]
 
     def _clock(self, problem: Problem, x: Array) -> tuple[float, Array]:
         """The period is that of the drives."""

@@ -56,9 +56,10 @@ def _solved(closed: Closed, name: str) -> CycleSlope:
         exact = flies(orbit.motion)
         if exact != problem.exact:  # a new problem has to make its closed forms
             problem = replace(problem, exact=exact)
-        pieces = Pieces(problem.compiled.equations, name)
+        pieces = shooting.pieces.with_free(name)
         unknowns = orbit.x[:-1] if shooting.free else orbit.x
-        shooting = shooting.with_pieces(pieces, problem)
+        motions = [leg.motion for leg in orbit.legs]
+        shooting = shooting.with_pieces(pieces, problem, motions)
         orbit = shooting.orbit(np.append(unknowns, problem.parameters[name]))
     # The unknowns of the cycle over the parameter, by the implicit function theorem.
     change = np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0]

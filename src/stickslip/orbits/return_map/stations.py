@@ -70,6 +70,8 @@ class Station:
         # Newton's method across the constraints of the mode; along them lie the free directions.
         off, along, by_time, by_parameter = self._solve(y, t, p)
         for _ in range(_MOST_PLACINGS):
+            if not np.any(xi) and np.max(np.abs(off)) <= _PLACED:
+                break  # a known motion starts here
             y = y - self.normal @ off
             if self.piece.straight or np.max(np.abs(off)) <= _PLACED:
                 break

@@ -33,6 +33,8 @@ from stickslip.translator import compiled
 # length of a flight, in shortest times of its mode, above which it is checked as a whole
 LONG_FLIGHT = 150.0
 LARGE_STATE = 2.0**200  # a state so large that terms independent of it are negligible
+UNKNOWN, KNOWN, REMEMBERED, REFUSED = range(4)
+"""Whether a mode has been evaluated at its eigenvectors, in this audit or in an earlier one."""
 _FEW = 8  # number of components up to which all extremes are found
 
 
@@ -48,7 +50,7 @@ class FlightAudit(NamedTuple):
     checked : array of int, shape (2,)
         How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
     state : array of int, shape (slots,)
-        UNKNOWN, KNOWN, or REFUSED: nothing here follows such a mode.
+        UNKNOWN, KNOWN, REMEMBERED, or REFUSED: nothing here follows such a mode.
     right : array of complex, shape (slots, rows, exponents)
         What the equations make of the eigenvectors.
     straight, turned : arrays of complex, shape (slots, exponents, exponents)

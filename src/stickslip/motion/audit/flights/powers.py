@@ -40,22 +40,23 @@ def power_of_pairs(
     n = len(a.y)
     first = len(form.c2) - n
     put_pairs(a, form, s)
-    for k in range(2):
-        for r in range(n):
-            for j in range(s.exponents):
-                pairs = complex(0.0, 0.0)
-                for q in range(s.exponents):
-                    pairs += form.a[first + r, q] * a.r[q] * a.pairs[k, q, j]
-                a.paired[k, r, j] = pairs
     for r in range(n):
-        for q in range(n):
-            total = 0.0
+        for k in range(2):
+            paired = a.paired[k, r]
+            for j in range(s.exponents):
+                paired[j] = complex(0.0, 0.0)
+            for q in range(s.exponents):
+                z = form.a[first + r, q] * a.r[q]
+                for j in range(s.exponents):
+                    paired[j] += z * a.pairs[k, q, j]
+        for q in range(r + 1):
+            total, others = 0.0, 0.0
             for j in range(s.exponents):
                 z = form.a[first + q, j] * a.r[j]
                 one, other = a.paired[0, r, j], a.paired[1, r, j]
                 total += one.real * z.real - one.imag * z.imag
-                total += other.real * z.real + other.imag * z.imag
-            a.gram[r, q] = 0.5 * total
+                others += other.real * z.real + other.imag * z.imag
+            a.gram[r, q] = a.gram[q, r] = 0.5 * (total + others)
     for r in range(n):
         a.gram[n, r] = a.gram[r, r]
     spent, fed = 0.0, 0.0

@@ -17,7 +17,12 @@ from stickslip.motion.affine.modal_sums import (
 )
 from stickslip.motion.affine.nodes import LEBESGUE, most
 from stickslip.motion.affine.structure import is_affine
-from stickslip.motion.audit.flights.arrays import LARGE_STATE, FlightAudit, Stretch
+from stickslip.motion.audit.flights.arrays import (
+    LARGE_STATE,
+    REMEMBERED,
+    FlightAudit,
+    Stretch,
+)
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     OK,
@@ -65,6 +70,8 @@ def evaluate_eigenvectors(
         flow, at.mode, at.reg
     ):
         return False
+    if a.state[slot] == REMEMBERED:
+        return True
     here = Instant(at.t, a.y, at.mode, at.reg)
     right = a.right[slot]
     for j in range(form.counts[EXPONENTS]):

@@ -75,7 +75,11 @@ from stickslip.motion.audit.accounts import (
 from stickslip.motion.audit.beginnings import judge_beginning
 from stickslip.motion.audit.between_nodes import StepPiece
 from stickslip.motion.audit.flights.arrays import (
+    KNOWN,
     LONG_FLIGHT,
+    REFUSED,
+    REMEMBERED,
+    UNKNOWN,
     FlightAudit,
     Stretch,
     put_slow,
@@ -124,7 +128,6 @@ _ACTING = 4.0  # length of a Taylor series in shortest times
 _ALLOWED = 5e-10  # largest error of a component relative to its size; twice that is not certified
 WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`FlightAudit.checked`."""
-_UNKNOWN, _KNOWN, _REFUSED = range(3)
 _DOUBTED, _CHECKED, _UNRESOLVED = range(3)
 
 
@@ -197,10 +200,13 @@ def audit_flight(
     start = Instant(starts.time[i], starts.state[i], mode, reg)
     if not resolve(rows, flow.k, space, mode):
         return _DOUBTED
-    if a.state[slot] == _UNKNOWN:
+    if a.state[slot] in (UNKNOWN, REMEMBERED):
         known = evaluate_eigenvectors(machine, flow, a, form, slot, start)
-        a.state[slot] = _KNOWN if known else _REFUSED
-    if a.state[slot] != _KNOWN:
+        if not known:
+            a.state[slot] = REFUSED
+        elif a.state[slot] == UNKNOWN:
+            a.state[slot] = KNOWN
+    if a.state[slot] == REFUSED:
         return _DOUBTED
     parts = begin_flight(flow, a, form, start, h)
     stretch = Stretch(

@@ -381,12 +381,18 @@ def modal_step(
         for d in range(directions):
             re[b, d] = 0.0
             im[b, d] = 0.0
-        for c in range(n):
-            x = s.left[w, 0, b, c]
-            y = s.left[w, 1, b, c]
+        # Rows are added in pairs: sums are loaded and stored half as often.
+        for c in range(0, n - 1, 2):
+            x, u = s.left[w, 0, b, c], s.left[w, 0, b, c + 1]
+            y, v = s.left[w, 1, b, c], s.left[w, 1, b, c + 1]
             for d in range(directions):
-                re[b, d] += x * change[c, d]
-                im[b, d] += y * change[c, d]
+                re[b, d] += x * change[c, d] + u * change[c + 1, d]
+                im[b, d] += y * change[c, d] + v * change[c + 1, d]
+        if n % 2 == 1:
+            x, y = s.left[w, 0, b, n - 1], s.left[w, 1, b, n - 1]
+            for d in range(directions):
+                re[b, d] += x * change[n - 1, d]
+                im[b, d] += y * change[n - 1, d]
         grown = cmath.exp(s.exponent[w, b] * h)
         for d in range(directions):
             x = re[b, d]
@@ -401,11 +407,16 @@ def modal_step(
     for r in range(n):
         for d in range(directions):
             moved[r, d] = 0.0
-        for b in range(count):
-            x = s.right[w, 0, r, b]
-            y = s.right[w, 1, r, b]
+        for b in range(0, count - 1, 2):
+            x, u = s.right[w, 0, r, b], s.right[w, 0, r, b + 1]
+            y, v = s.right[w, 1, r, b], s.right[w, 1, r, b + 1]
             for d in range(directions):
-                moved[r, d] += x * re[b, d] - y * im[b, d]
+                one = x * re[b, d] - y * im[b, d]
+                moved[r, d] += one + (u * re[b + 1, d] - v * im[b + 1, d])
+        if count % 2 == 1:
+            x, y = s.right[w, 0, r, count - 1], s.right[w, 1, r, count - 1]
+            for d in range(directions):
+                moved[r, d] += x * re[count - 1, d] - y * im[count - 1, d]
     for r in range(n):
         for d in range(directions):
             change[r, d] = moved[r, d]

@@ -7,13 +7,14 @@ import math
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Rows
 from stickslip.motion.steps.sets import slides_in_plane
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
 from stickslip.orbits.fields.engine.events import reverses
 from stickslip.orbits.fields.engine.interpreter import perform
-from stickslip.orbits.fields.engine.modal import PADE_REACH, by_eigenvalues, spans_many
+from stickslip.orbits.fields.engine.modal import LARGE, PADE_REACH, by_eigenvalues, spans_many
 from stickslip.orbits.fields.engine.tables import (
     BEGINS,
     DEFECTIVE,
@@ -30,6 +31,8 @@ from stickslip.translator import compiled
 
 _HALVES = 25  # halvings of the remaining time in which a slip in a plane comes to rest
 _DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few per cent
+# products of a row after which its growth in the next ones gives the same
+_ALIGNED, _MEASURED = 32, 64
 
 
 @compiled()
@@ -51,6 +54,8 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
             if J[r, c] != J[r, c]:
                 return 0.0  # a slip in a plane begins with the motion
+    if n >= LARGE:
+        return growth_of_rows(J, scaled)
     scale = 0.0  # log of the factor that has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
@@ -67,6 +72,32 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
                 scaled[r, c] = J[r, c] / largest
         put_product(scaled, scaled, J)
     return math.exp(scale)
+
+
+@compiled()
+def growth_of_rows(J: Array, rows: Array) -> float:
+    """The same by powers of a row vector: products of matrices would cost more than all else."""
+    n = len(J)
+    for c in range(n):
+        rows[0, c] = math.cos(2.3 * c + 0.4)
+    growth = 0.0
+    for k in range(_ALIGNED + _MEASURED):
+        now, after = rows[k % 2], rows[(k + 1) % 2]
+        for c in range(n):
+            after[c] = 0.0
+        for r in range(n):
+            factor = now[r]
+            for c in range(n):
+                after[c] += factor * J[r, c]
+        largest = 0.0
+        for c in range(n):
+            largest = max(largest, abs(after[c]))
+        if not 0.0 < largest < np.inf:
+            return 0.0
+        growth += math.log(largest) if k >= _ALIGNED else 0.0
+        for c in range(n):
+            after[c] /= largest
+    return math.exp(growth / _MEASURED)
 
 
 @compiled(brief=True)
