@@ -129,7 +129,7 @@ def release_or_hold(
         if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                set_mode(rows, mode, c, 1 if gap > 0.0 or gapped else -1)
+                set_mode(rows, mode, c, 1 if gap > 0.0 else -1)
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:

@@ -98,8 +98,8 @@ def presses(rows: Rows, n: int, c: int) -> bool:
 
 @compiled(brief=True)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Set the mode of a contact for all its directions; with several directions a slip has no
-    sign."""
-    block = own_directions(rows, c)
-    for i in block:
-        mode[i] = value if len(block) == 1 else abs(value)
+    """Set the mode of a contact for all its directions; the sign of a slip counts along a line
+    only."""
+    signed = rows.states[rows.lead[c]] == 3
+    for i in own_directions(rows, c):
+        mode[i] = value if signed else abs(value)
