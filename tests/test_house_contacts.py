@@ -29,9 +29,9 @@ ASKED = {
     "motion/admissible": 4,
     "motion/audit": 23,
     "motion/engine": 8,
-    "motion/modes": 31,
+    "motion/modes": 28,
     "motion/steps": 9,
-    "orbits/fields": 6,
+    "orbits/fields": 1,
     "orbits/settling": 1,
 }
 """How many questions there are, by room, beside those at home."""
