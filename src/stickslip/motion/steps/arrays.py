@@ -312,6 +312,8 @@ class Space(NamedTuple):
     last_step : array, shape (2, n)
         Rates at the end of the last step according to its series, times its length (PREDICTED);
         and the state it STARTED from.
+    rubbing : array of int
+        Contacts that have friction in a mode; see :mod:`stickslip.motion.steps.contacts`.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     asked : array of int
@@ -368,6 +370,7 @@ class Space(NamedTuple):
     powers: Vector
     pending: Matrix
     labels: IntMatrix
+    rubbing: IntMatrix
     known: IntVector
     asked: IntVector
     stages: Matrix
@@ -604,6 +607,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         powers=z(N + 1),
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
+        rubbing=z((3, nc + 1), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
         impact=z((17, max(nq, nc, len(rows.links)))),

@@ -6,6 +6,10 @@ from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import FIRST_ROW, MATRIX, PART, PRESSING, SEAT, Rows, Space
 from stickslip.translator import compiled
 
+# Rows of Space.rubbing: contacts whose normal forces all vanish; and, of those that have friction,
+# contacts along a line, and in a plane or with a face. Last the number of each.
+LOOSE, ALONG_LINES, IN_PLANES = range(3)
+
 
 @compiled()
 def own_inverse(rows: Rows, space: Space, c: int) -> float:
@@ -65,6 +69,25 @@ def is_loose(rows: Rows, mode: Array, c: int) -> bool:
         if mode[rows.links[link, PRESSING]] == 0:
             return False
     return True
+
+
+@compiled()
+def list_friction(rows: Rows, space: Space, mode: Array) -> None:
+    """List the contacts that have friction in a mode."""
+    for listed in space.rubbing:
+        listed[len(listed) - 1] = 0
+    for c in rows.frictional:
+        loose = is_loose(rows, mode, c)
+        listed = space.rubbing[LOOSE if loose else min(len(directions_of(rows, c)), IN_PLANES)]
+        listed[listed[len(listed) - 1]] = c
+        listed[len(listed) - 1] += 1
+
+
+@compiled()
+def rubbing(space: Space, which: int) -> Array:
+    """The contacts in one of these lists."""
+    listed = space.rubbing[which]
+    return listed[: listed[len(listed) - 1]]
 
 
 @compiled()
