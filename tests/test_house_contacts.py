@@ -22,15 +22,16 @@ COLUMNS = frozenset({"plane", "gaps", "formula", "group", "alone", "states"})
 PROPERTIES = frozenset({"MASSIVE", "BENDS", "FORMULA", "SEAT"})
 """Columns of `Rows.planes` and `Rows.homes` of which the same is true."""
 DIRECTIONS = frozenset({"directions_of", "own_directions"})
-LISTS = frozenset({"planes", "openings"})
+LISTS = frozenset(
+    {"planes", "massive_planes", "formula_planes", "openings", "adhesive", "frictional", "lines"}
+)
 ASKED = {
-    "motion/admissible": 15,
-    "motion/affine": 1,
-    "motion/audit": 32,
+    "motion/admissible": 4,
+    "motion/audit": 17,
     "motion/engine": 8,
-    "motion/modes": 38,
-    "motion/steps": 12,
-    "orbits/fields": 6,
+    "motion/modes": 28,
+    "motion/steps": 9,
+    "orbits/fields": 1,
     "orbits/settling": 1,
 }
 """How many questions there are, by room, beside those at home."""

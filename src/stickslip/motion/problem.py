@@ -20,7 +20,7 @@ from stickslip.model.system import System
 from stickslip.motion.affine.forms import MOST_SWITCHES, make_closed_forms, make_flight
 from stickslip.motion.affine.kept_modes import FEWEST_KEPT
 from stickslip.motion.affine.kept_slopes import scaling_constants
-from stickslip.motion.rows import layout_rows
+from stickslip.motion.rows import guards_of, layout_rows
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     FORMULA,
@@ -261,7 +261,9 @@ class Problem:
             boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
             in_turn = int(self.system.impacts == "in turn")
             own = layout_rows(self.compiled)
-            return own._replace(required=self._required(boxes), in_turn=in_turn)
+            required = self._required(boxes)
+            guards = guards_of(own.states, len(own.kinks), len(required))
+            return own._replace(required=required, guards=guards, in_turn=in_turn)
 
         key = self.boxes is None, *given.items(), self.system.impacts
         return made_once(self.compiled, "rows of parameters", make, key, _MOST_ROWS)

@@ -19,6 +19,7 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE_SIZE,
     FORMULA,
     LEAD,
+    MASSIVE,
     PART,
     RUBBING,
     SLIPS,
@@ -49,6 +50,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
     state = frozenset(layout.state)
     watched = np.array(list(noise), dtype=np.int64)
     bounded = [is_bounded(guard) for guard in equations.kinks]
+    states = _numbers_of_states(equations, layout)
     return Rows(
         sizes,
         u,
@@ -70,17 +72,40 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         *_coupling(layout),
         *_openings(layout),
         *_links(equations, layout),
+        _held_again(equations, layout, dropping),
         *_jumps(layout),
         *_planes(equations, layout),
         np.array(layout.pieces, dtype=np.int64).reshape(-1, 3),
         0,
-        _together(layout),
+        *_together(equations, layout),
         _bodies(equations),
         *_contacts(equations, layout),
         *_sets(equations, layout),
         *_beside_planes(equations, layout, list(noise)),
-        _numbers_of_states(equations, layout),
+        states,
+        guards_of(states, len(layout.kinks), 0),
     )
+
+
+def guards_of(states: Array, kinks: int, required: int) -> Array:
+    """The numbers of the guards that there are: two of each contact along a line, one of others."""
+    first = kinks + 2 * np.arange(len(states))
+    own = [*first[states > 1], *(first[states == 3] + 1)]
+    last = kinks + 2 * len(states)
+    return np.array([*range(kinks), *sorted(own), *range(last, last + required)], dtype=np.int64)
+
+
+def _held_again(equations: MotionEquations, layout: Layout, dropping: set[int]) -> Array:
+    """Whether contacts may be held by more than their forces, or from another side."""
+    found = np.zeros(len(layout.u), np.int64)
+    found[[*dropping, *_adhesive(layout)]] = 1
+    found[[i for plane in equations.planes for i in plane.parts]] = 2
+    return found
+
+
+def _adhesive(layout: Layout) -> list[int]:
+    """Contacts that can open, and hold a pull: they have a threshold."""
+    return [c for c in sorted(layout.gaps) if layout.plus[c] != layout.minus[c]]
 
 
 def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
@@ -117,12 +142,13 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
     return (found & lines) - set(layout.together)
 
 
-def _together(layout: Layout) -> Array:
-    """Groups of contacts that may share forces; −1 for others."""
+def _together(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
+    """Groups of contacts that may share forces, −1 for others; and these contacts."""
     found = np.full(len(layout.u), -1, np.int64)
     for c, number in layout.together.items():
         found[c] = number
-    return found
+    sharing = [c for c in equations.directions if c in layout.together]
+    return found, np.array(sharing, dtype=np.int64)
 
 
 def _bodies(equations: MotionEquations) -> Array:
@@ -134,11 +160,13 @@ def _bodies(equations: MotionEquations) -> Array:
 
 def _contacts(
     equations: MotionEquations, layout: Layout
-) -> tuple[Array, int, Array, Array, Array, Array, Array, int]:
+) -> tuple[Array, int, Array, Array, Array, Array, Array, Array, int, Array]:
     """Indices of contacts: their first directions, the number with mass, the first direction of the
     contact of each direction, all directions of each contact with their offsets, contacts that
-    open, and those that do not, with the number of these with mass."""
+    open, those of them that adhere, and those that do not open, with the number of these with mass,
+    and those along a line."""
     blocks = equations.directions
+    rubbing = [c for c in blocks if c not in layout.gaps]
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
         lead[[*parts]] = c
@@ -149,8 +177,10 @@ def _contacts(
         np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
         np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
         np.array(sorted(layout.gaps), dtype=np.int64),
-        np.array([c for c in blocks if c not in layout.gaps], dtype=np.int64),
-        sum(c < layout.sizes["mq"] and c not in layout.gaps for c in blocks),
+        np.array(_adhesive(layout), dtype=np.int64),
+        np.array(rubbing, dtype=np.int64),
+        sum(c < layout.sizes["mq"] for c in rubbing),
+        np.array([c for c in rubbing if len(blocks[c]) == 1], dtype=np.int64),
     )
 
 
@@ -202,13 +232,14 @@ def _states(parts: tuple[int, ...], opens: bool) -> int:
     return (2 if opens or len(parts) > 1 else 3) if parts else 1
 
 
-def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
-    """Contacts in a plane, and the one that each contact is a component of."""
+def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
+    """Contacts in a plane, the one that each contact is a component of, those that move masses, and
+    those that have a formula."""
     table = np.array(layout.planes, dtype=np.int64).reshape(-1, 16)
     plane = np.full(len(layout.u), -1, np.int64)
     for p, (first, *_) in enumerate(layout.planes):
         plane[[*equations.directions[first]]] = p
-    return table, plane
+    return table, plane, np.flatnonzero(table[:, MASSIVE]), np.flatnonzero(table[:, FORMULA] >= 0)
 
 
 def _coupling(layout: Layout) -> tuple[Array, Array, Array, Array]:

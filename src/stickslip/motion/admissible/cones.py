@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from stickslip.arrays import Array
 from stickslip.motion.algebra.vectors import solve_equations
 from stickslip.motion.steps.arrays import ON_INERTIAL, PART, PRESSING, RUBBING, Rows, Space
 from stickslip.motion.steps.contacts import directions_of
@@ -114,30 +115,33 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         ray[c] = cones[MOST_ALONE, c] if cones[LEFT, c] > 0.0 else cones[LEAST_ALONE, c]
         return
     for link in range(len(rows.links)):
-        c = rows.links[link, RUBBING]
-        block = directions_of(rows, c)
-        if rows.links[link, PRESSING] != own or len(block) == 0:
+        if rows.links[link, PRESSING] != own:
             continue
-        if len(block) == 1:
-            ray[c] = cones[MOST_SHARE if cones[LEFT, c] > 0.0 else LEAST_SHARE, link]
-            continue
-        o = block[1]
-        second = second_link(rows, link, o)
-        f, g = cones[MOST_SHARE, link], cones[MOST_SHARE, second]
-        if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
-            ray[c], ray[o] = f, g
-            continue
-        # The point of an ellipse with semi-axes f and g that is farthest along the remainder.
-        x, y = f * cones[LEFT, c], g * cones[LEFT, o]
-        size = math.hypot(x, y)
-        if size > 0.0:
-            ray[c], ray[o] = f * x / size, g * y / size
+        # The point of an interval, or of an ellipse by its semi-axes, farthest along the remainder.
+        # Without one any point will do but 0: the sizes of forces determine their rounding errors.
+        block = directions_of(rows, rows.links[link, RUBBING])
+        size = 0.0
+        for i in block:
+            size = math.hypot(size, largest_share(rows, cones, link, i) * cones[LEFT, i])
+        for i in block:
+            share, at = largest_share(rows, cones, link, i), link_of(rows, link, i)
+            given = cones[LEAST_SHARE, at] == cones[MOST_SHARE, at]
+            x = abs(share * cones[LEFT, i])
+            along = x / size if size > 0.0 else math.sqrt(1.0 / len(block))
+            ray[i] = share if given else share * along
 
 
 @compiled()
-def second_link(rows: Rows, link: int, o: int) -> int:
-    """The link of the other direction of a contact in a plane under the same normal force."""
-    return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
+def largest_share(rows: Rows, cones: Array, link: int, i: int) -> float:
+    """The friction along a direction that reduces the residual most, per unit of a normal force."""
+    side = MOST_SHARE if cones[LEFT, i] > 0.0 else LEAST_SHARE
+    return float(cones[side, link_of(rows, link, i)])
+
+
+@compiled()
+def link_of(rows: Rows, link: int, i: int) -> int:
+    """The link of another direction of a contact under the same normal force."""
+    return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[i])
 
 
 @compiled()

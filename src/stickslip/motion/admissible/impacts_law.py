@@ -53,7 +53,6 @@ from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     loosen_friction,
-    opens,
     set_mode,
 )
 from stickslip.motion.steps.sets import second_of
@@ -100,23 +99,19 @@ def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
 
 
 @compiled()
-def restitution_of(rows: Rows, space: Space, c: int) -> float:
-    """Restitution of a contact in the current impact; 0 if it recedes before it, for which γ⁺ ≥ −e
-    γ⁻ would allow an approach."""
-    return 0.0 if recedes(rows, space, c) else given_restitution(rows, space, c)
+def put_restitution(rows: Rows, space: Space) -> None:
+    """The declared restitution of all contacts."""
+    for c in range(rows.sizes[ON_INERTIAL]):
+        row = rows.restitution[c]
+        space.impact[RESTITUTION, c] = 0.0 if row < 0 else space.V[row, 0]
 
 
 @compiled()
-def recedes(rows: Rows, space: Space, c: int) -> bool:
-    """Whether a gap grows before an impact."""
-    return bool(opens(rows, c) and space.impact[BEFORE, c] > 0.0)
-
-
-@compiled()
-def given_restitution(rows: Rows, space: Space, c: int) -> float:
-    """Restitution that is declared for a contact."""
-    row = rows.restitution[c]
-    return 0.0 if row < 0 else float(space.V[row, 0])
+def let_recede(rows: Rows, space: Space) -> None:
+    """A gap that grows before an impact has no restitution: γ⁺ ≥ −e γ⁻ would allow an approach."""
+    for c in rows.openings:
+        if space.impact[BEFORE, c] > 0.0:
+            space.impact[RESTITUTION, c] = 0.0
 
 
 @compiled()

@@ -46,6 +46,7 @@ from stickslip.motion.steps.arrays import (
     FORWARD,
     HOLDS_BACK,
     HOLDS_FORWARD,
+    LEAD,
     ON_INERTIAL,
     PART,
     PRESSING,
@@ -57,7 +58,6 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
-    own_directions,
     set_mode,
 )
 from stickslip.motion.steps.sets import second_of
@@ -129,6 +129,7 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
     for c in range(mq):
         work[IMPULSE, c] = 0.0
         mode[c] = 1
+        work[SENSE, c] = 1.0
     put_velocities(rows, space)
     # Relaxation converges slowly, but finds modes from which pivoting needs few steps; if pivoting
     # fails, it continues for twice as long.
@@ -160,19 +161,11 @@ def is_relaxed(rows: Rows, space: Space, mode: Array) -> bool:
     for c in range(rows.sizes[ON_INERTIAL]):
         largest = max(largest, abs(work[IMPULSE, c]))
         if slides_along(rows, space.tried, mode, c):
-            note_sense(rows, space, mode, c)
             row = limit_of(space.tried, c, mode[c] > 0)
             allowed = friction_of(rows, work, row, c)
             off = max(off, abs(work[IMPULSE, c] + work[SENSE, c] * allowed))
     _, _, right = judge_impulses(rows, work, space.tried, mode)
     return right and off <= _WRONG * largest and residual_of(rows, space, mode) <= _WRONG
-
-
-@compiled()
-def note_sense(rows: Rows, space: Space, mode: Array, c: int) -> None:
-    """The sense of a slip along a line is its mode; in a plane it is a direction, which stays."""
-    if len(own_directions(rows, c)) == 1:
-        space.impact[SENSE, c] = mode[c]
 
 
 @compiled()
@@ -201,6 +194,7 @@ def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
         free = work[IMPULSE, c] - moved_on(work, c) / own
         least, most = interval_of(rows, space, c)
         mode[c] = 1 if free <= least else (-1 if free >= most else 0)
+        work[SENSE, c] = mode[c]
         push(rows, space, c, min(max(free, least), most) - work[IMPULSE, c])
 
 
@@ -289,8 +283,6 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
     """Change modes that are wrong until none is, and put the impulses to the test; whether they
     obey the law."""
     mq = rows.sizes[ON_INERTIAL]
-    for c in range(mq):
-        note_sense(rows, space, mode, c)
     fewest = mq + 1
     patience = _PATIENCE
     for _ in range(4 * mq + 20):
@@ -330,14 +322,6 @@ def is_right(rows: Rows, space: Space, mode: Array) -> bool:
 
 
 @compiled()
-def is_unknown(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
-    """Whether a contact has an unknown in the equations: its impulse, or the rotation of a slip in
-    a plane."""
-    turns = len(directions_of(rows, c)) > 1 and slides_along(rows, tried, mode, c)
-    return bool(turns or is_held(rows, tried, mode, c))
-
-
-@compiled()
 def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
     """Impulses in a mode where contacts yield a little, and the velocities after them.
 
@@ -359,11 +343,15 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
     size = 0
     for c in range(mq):
         tried[_PLACE, c] = -1
-        if is_unknown(rows, tried, mode, c):
+        if is_held(rows, tried, mode, c):
             tried[_PLACE, c] = size
             size += 1
-            if mode[c] != 0:
-                work[_TURNS, c] = resistance_to_turning(rows, space, c)
+    for plane in rows.planes:
+        c = plane[LEAD]
+        if c < mq and slides_along(rows, tried, mode, c):
+            tried[_PLACE, c] = size
+            size += 1
+            work[_TURNS, c] = resistance_to_turning(rows, space, c)
     for c in range(mq if afresh else 0):
         work[IMPULSE, c] = 0.0
         work[AFTER, c] = work[BEFORE, c]
@@ -475,12 +463,13 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
         place = tried[_PLACE, c]
         if place >= 0 and mode[c] == 0:
             work[IMPULSE, c] += space.impulses[place, size]
-    for c in inertial_contacts(rows):
-        if not slides_along(rows, tried, mode, c):
-            continue
-        if len(directions_of(rows, c)) == 1:
+    for c in rows.lines:
+        if c < mq and slides_along(rows, tried, mode, c):
             allowed = friction_of(rows, work, limit_of(tried, c, mode[c] > 0), c)
             work[IMPULSE, c] = -work[SENSE, c] * allowed
+    for plane in rows.planes:
+        c = plane[LEAD]
+        if c >= mq or not slides_along(rows, tried, mode, c):
             continue
         o = second_of(rows, c)
         pressed = pressed_by(rows, space, c)
@@ -518,7 +507,6 @@ def change_modes(rows: Rows, space: Space, mode: Array, together: bool) -> int:
             wrong += 1
             if together or wrong == 1:
                 set_mode(rows, mode, c, better)
-                note_sense(rows, space, mode, c)
     return wrong
 
 
@@ -545,6 +533,7 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
                 found = 1
             elif work[IMPULSE, c] > most + strong:
                 found = -1
+            work[SENSE, c] = found
         else:
             found = 0 if mode[c] * moved < -fast else mode[c]
     return found

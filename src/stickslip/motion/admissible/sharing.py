@@ -14,6 +14,7 @@ from stickslip.motion.algebra.vectors import is_new
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
+    LEAD,
     MEMBERS,
     ON_INERTIAL,
     PART,
@@ -23,7 +24,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
 )
 from stickslip.motion.steps.contacts import direction_entry, directions_of
-from stickslip.motion.steps.sets import MOVED, axis_of, formula_of, middle_at
+from stickslip.motion.steps.sets import MOVED, axis_of, middle_at
 from stickslip.numerics.levels import INDEPENDENT
 from stickslip.translator import compiled
 
@@ -36,10 +37,7 @@ _STEADY = 1e-12  # rotation of a direction relative to its size that counts as z
 @compiled(brief=True)
 def any_share(rows: Rows) -> bool:
     """Whether there are contacts that may share forces."""
-    found = False
-    for group in rows.group:
-        found = found or group >= 0
-    return found
+    return len(rows.sharing) > 0
 
 
 @compiled(brief=True)
@@ -73,11 +71,9 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
     leaving = flow.space.leaving
     for c in range(len(leaving)):
         leaving[c] = ON_ITS_OWN
-    for first in range(rows.sizes[ON_INERTIAL]):
+    for first in rows.sharing:
         group = rows.group[first]
-        if group < 0 or mode[first] != 0 or leaving[first] != ON_ITS_OWN:
-            continue
-        if not is_first(rows, mode, first):
+        if mode[first] != 0 or leaving[first] != ON_ITS_OWN or not is_first(rows, mode, first):
             continue
         count, rank = orthonormalise(flow, mode, table, group)
         if count > rank or any_formula(rows, mode, group):
@@ -90,8 +86,8 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
 def any_formula(rows: Rows, mode: Array, group: int) -> bool:
     """Whether one of the contacts of a group that stick has a formula."""
     found = False
-    for c in range(rows.sizes[ON_INERTIAL]):
-        found = found or (sticks_in(rows, mode, c, group) and formula_of(rows, c) >= 0)
+    for p in rows.formula_planes:
+        found = found or sticks_in(rows, mode, rows.planes[p, LEAD], group)
     return found
 
 

@@ -18,7 +18,7 @@ from stickslip.motion.admissible.overload import (
     place_held,
 )
 from stickslip.motion.admissible.sharing import is_first, orthonormalise, sticks_in
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow
+from stickslip.motion.steps.arrays import Flow
 from stickslip.motion.steps.contacts import directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of, given_force, part_to_set
 from stickslip.translator import compiled
@@ -35,9 +35,9 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
         Values of the rows; those of the forces are changed.
     """
     rows = flow.rows
-    for first in range(rows.sizes[ON_INERTIAL]):
+    for first in rows.sharing:
         group = rows.group[first]
-        if group < 0 or mode[first] != 0 or not is_first(rows, mode, first):
+        if mode[first] != 0 or not is_first(rows, mode, first):
             continue
         count, rank = orthonormalise(flow, mode, table, group)
         place_held(flow, mode, table, group)

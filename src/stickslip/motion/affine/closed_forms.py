@@ -207,10 +207,8 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
         combine(G[g], F[n + 4 * nc + j], 1.0 if reg[j] == 1 else -1.0, F[0], 0.0)
         switch[g] = j
         g += 1
-    for c in range(nc):
+    for c in rows.lines:
         switch[g] = nk + 2 * c
-        if rows.plane[c] >= 0:
-            continue
         if mode[c] != 0:
             combine(G[g], F[u + c], float(mode[c]), F[0], 0.0)
             g += 1

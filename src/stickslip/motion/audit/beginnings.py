@@ -42,7 +42,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     plain_coefficients,
 )
-from stickslip.motion.steps.contacts import inertial_friction, is_loose, opens, set_mode
+from stickslip.motion.steps.contacts import inertial_friction, is_loose, set_mode
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -108,7 +108,7 @@ def continues_previous(starts: Record, i: int) -> bool:
 def may_stick_again(rows: Rows, c: int, quiet: bool) -> bool:
     """Whether a contact that slips, or is open, may be held by more than its force, or from another
     side. In a plane a slip may turn round at any time; others begin with an event."""
-    return bool(rows.plane[c] >= 0 or (not quiet and (rows.drops[c] == 1 or adheres(rows, c))))
+    return bool(rows.held_again[c] > (1 if quiet else 0))
 
 
 @compiled()
@@ -116,12 +116,6 @@ def has_friction(rows: Rows, mode: Array, c: int) -> bool:
     """Whether the friction of a contact is given by its law: a normal force acts on it, and it is
     not between prescribed motions, where its force follows from its velocity alone."""
     return not (is_loose(rows, mode, c) or is_prescribed(rows, c))
-
-
-@compiled()
-def adheres(rows: Rows, c: int) -> bool:
-    """Whether a contact that can open holds a pull: it has a threshold."""
-    return bool(opens(rows, c) and rows.plus[c] != rows.minus[c])
 
 
 @compiled()
@@ -147,9 +141,8 @@ def hold_beginnings(
         return False
     quiet = continues_previous(starts, i)
     asked = False
-    for c in rows.openings:
-        opened = slips[c] == 1 and not quiet
-        if opened and adheres(rows, c) and closed_at_rest(rows, space, c):
+    for c in rows.adhesive:
+        if slips[c] == 1 and not quiet and closed_at_rest(rows, space, c):
             asked = True
             carried = i > 0 and starts.mode[i - 1, c] == 2
             set_mode(rows, at.mode, c, 2 if carried else 0)

@@ -37,16 +37,21 @@ from stickslip.motion.steps.arrays import (
     AIM,
     DIMENSION,
     INERTIAL,
-    LEAD,
     ON_INERTIAL,
     Flow,
     Rows,
     Space,
     tape_of,
 )
-from stickslip.motion.steps.contacts import directions_of, is_loose, own_inverse
+from stickslip.motion.steps.contacts import (
+    IN_PLANES,
+    directions_of,
+    is_loose,
+    own_inverse,
+    rubbing,
+)
 from stickslip.motion.steps.directions import spread_given
-from stickslip.motion.steps.sets import force_terms, gap_terms, kink_terms, rate_terms
+from stickslip.motion.steps.sets import force_terms, gap_terms, kink_terms, plane_of, rate_terms
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.translator import RELAXED, compiled
 
@@ -278,10 +283,8 @@ def encloses(
             size, tally.law[c, OPENING]
         ):
             return False
-    for plane in rows.planes:
-        c = plane[LEAD]
-        if is_loose(rows, mode, c):
-            continue
+    for c in rubbing(space, IN_PLANES):
+        plane = plane_of(rows, c)
         held = max(tally.law[c, LARGEST_FORCE], extent(W[rows.plus[c]], N - 1, powers))
         loose = deviation_bound(discs[plane[ADMISSIBLE]], factor)
         turns = 0.0

@@ -268,9 +268,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
                 largest = max(largest, state[LARGEST, r], REST_PART * state[SWAY, r])
             for r in range(begin, begin + rows.bodies[b, 1]):
                 state[SWAY, r] = max(state[SWAY, r], largest / REST_PART)
-    for p in range(len(rows.planes)):
-        if rows.planes[p, MASSIVE] == 0:
-            continue
+    for p in rows.massive_planes:
         for first in (0, rows.sizes[INERTIAL]):
             largest = 0.0
             for turn in range(2):

@@ -80,7 +80,13 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
 )
-from stickslip.motion.steps.contacts import direction_entry, inertial_friction, is_loose
+from stickslip.motion.steps.contacts import (
+    ALONG_LINES,
+    direction_entry,
+    inertial_friction,
+    is_loose,
+    rubbing,
+)
 from stickslip.motion.steps.sets import (
     axis_of,
     force_terms,
@@ -411,9 +417,9 @@ def violates_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally:
         touches = wide <= ROUNDING * gap_size(rows, space, c)
         if touches and stays_still(rows, space, c, piece, tally):
             space.cones[RESTS, c] = TOUCHES
-    for c in inertial_friction(rows):
-        if is_loose(rows, mode, c):
-            continue
+    for c in rubbing(space, ALONG_LINES):
+        if c >= rows.sizes[ON_INERTIAL]:
+            break
         if resting(mode[c]):
             space.cones[RESTS, c] = HOLDS
             for part in range(2):

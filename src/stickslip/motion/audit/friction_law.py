@@ -34,7 +34,13 @@ from stickslip.motion.audit.between_nodes import StepPiece, deviation_bound
 from stickslip.motion.audit.contact_planes import direction_uncertainty, judge_plane, sample_plane
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, WIDEST, Rows, Space
-from stickslip.motion.steps.contacts import directions_of, is_loose
+from stickslip.motion.steps.contacts import (
+    ALONG_LINES,
+    IN_PLANES,
+    LOOSE,
+    directions_of,
+    rubbing,
+)
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -60,7 +66,8 @@ def sample_law(
     Parameters
     ----------
     space : Space
-        With the values of the rows at the node; receives those of the guards.
+        With the values of the rows at the node, and the contacts that have friction; receives the
+        values of the guards.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     h : float
         How long a series would last, in which forces make a velocity.
@@ -76,18 +83,15 @@ def sample_law(
     law = tally.law
     for c in rows.openings:
         sample_opening(rows, space, mode, h, g, c, tally)
-    for c in rows.frictional:
-        u = V[rows.u[c], 0]
-        block = directions_of(rows, c)
-        if is_loose(rows, mode, c):
-            # It has no force, but its speed counts for the size of velocities.
-            for i in block:
-                law[i, LARGEST_SPEED] = most(law[i, LARGEST_SPEED], abs(V[rows.u[i], 0]))
-            continue
-        if len(block) > 1:
-            sample_plane(rows, space, mode, h, g, c, tally)
-            continue
+    for c in rubbing(space, LOOSE):
+        # It has no force, but its speed counts for the size of velocities.
+        for i in directions_of(rows, c):
+            law[i, LARGEST_SPEED] = most(law[i, LARGEST_SPEED], abs(V[rows.u[i], 0]))
+    for c in rubbing(space, IN_PLANES):
+        sample_plane(rows, space, mode, h, g, c, tally)
+    for c in rubbing(space, ALONG_LINES):
         note_sizes(rows, space, c, tally)
+        u = V[rows.u[c], 0]
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
         down = V[rows.minus[c], 0]
@@ -188,12 +192,9 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     late = _LATE * abs(piece.t) / unit
     for c in rows.openings:
         judge_opening(rows, space, mode, c, factor, tally)
-    for c in rows.frictional:
-        if is_loose(rows, mode, c):
-            continue
-        if len(directions_of(rows, c)) > 1:
-            judge_plane(rows, space, mode, c, factor, tally)
-            continue
+    for c in rubbing(space, IN_PLANES):
+        judge_plane(rows, space, mode, c, factor, tally)
+    for c in rubbing(space, ALONG_LINES):
         row = samples_of(rows, c)
         loose = 0.0
         tight = 0.0

@@ -22,15 +22,16 @@ from stickslip.motion.admissible.cones import (
     STRONG,
     WANTED,
     fit_cones,
+    link_of,
     no_cones,
-    second_link,
 )
 from stickslip.motion.admissible.impacts_law import (
     BEFORE,
     CHANGE,
     IMPULSE,
     RESTITUTION,
-    restitution_of,
+    let_recede,
+    put_restitution,
     set_in_motion,
     takes_part,
 )
@@ -64,7 +65,6 @@ from stickslip.motion.steps.contacts import (
     directions_of,
     inertial_contacts,
     inertial_friction,
-    opens,
     own_directions,
     set_mode,
 )
@@ -124,10 +124,12 @@ def explain_jump(
         found[_REACHED, c] = space.V[rows.u[c], 0]
         found[_SIZE, c] = space.mag[c]
     strikes = approaching(machine, flow, before, last, cause, _NEARBY)
-    for c in range(mq):
-        work[RESTITUTION, c] = restitution_of(rows, space, c)
-        if rests_at_last(rows, space, c, space.mag[c]):
+    put_restitution(rows, space)
+    let_recede(rows, space)
+    for c in rows.openings:
+        if rests_at_last(space, c):
             work[RESTITUTION, c] = 0.0
+    for c in range(mq):
         work[IMPULSE, c], space.cones[STRONG, c] = 0.0, 0.0
         space.tried[_DONE, c] = _APART
         found[_MOVED, c] = found[_REACHED, c] + work[RESTITUTION, c] * work[BEFORE, c]
@@ -204,20 +206,14 @@ def explain_in_turn(
 
 
 @compiled(brief=True)
-def rests_at_last(rows: Rows, space: Space, c: int, size: float) -> bool:
+def rests_at_last(space: Space, c: int) -> bool:
     """Whether a contact that can open does not rebound, although its velocity would be tiny: of
     infinitely many impacts in finite time, the last are left out. A rubbing contact may slip, at a
-    tiny velocity, instead of reversing.
-
-    Parameters
-    ----------
-    size : float
-        Of the terms of its velocity.
-    """
+    tiny velocity, instead of reversing."""
     rebound = -space.impact[RESTITUTION, c] * space.impact[BEFORE, c]
     after = space.explained[_REACHED, c]
-    slow = abs(rebound) <= _SETTLED * (size + space.explained[FASTEST, c])
-    return bool(opens(rows, c) and slow and abs(after) < abs(after - rebound))
+    slow = abs(rebound) <= _SETTLED * (space.mag[c] + space.explained[FASTEST, c])
+    return bool(slow and abs(after) < abs(after - rebound))
 
 
 @compiled(brief=True)
@@ -303,24 +299,24 @@ def put_cones(rows: Rows, space: Space) -> float:
         cones[PRESSES, c] = 1.0 if done[c] == _TOUCHING else 0.0
     for link in range(len(rows.links)):
         c = rows.links[link, RUBBING]
-        block = own_directions(rows, c)
         least, most = -work[HOLDS_FORWARD, link], work[HOLDS_BACK, link]
-        if done[c] != 0 and len(block) > 1:
-            o = block[1]
-            if c == o:
-                continue  # handled with the first direction
-            second = second_link(rows, link, o)
-            f, g = work[FORWARD, link], work[FORWARD, second]
-            size = math.hypot(f * moved[c], g * moved[o])
-            most = -f * f * moved[c] / size if size > 0.0 else 0.0
-            cones[MOST_SHARE, second] = -g * g * moved[o] / size if size > 0.0 else 0.0
-            cones[LEAST_SHARE, second] = cones[MOST_SHARE, second]
-            least = most
-        elif done[c] != 0:
-            most = -work[FORWARD, link] if done[c] > 0 else work[BACK, link]
+        if done[c] != 0:
+            # The point of an interval, or of an ellipse, against the slip.
+            size = 0.0
+            for i in own_directions(rows, c):
+                size = math.hypot(size, slip_share(rows, space, link, i) * moved[i])
+            f = slip_share(rows, space, link, c)
+            most = -f * (f * moved[c] / size) if size > 0.0 else 0.0
             least = most
         cones[LEAST_SHARE, link], cones[MOST_SHARE, link] = least, most
     return scale
+
+
+@compiled(brief=True)
+def slip_share(rows: Rows, space: Space, link: int, i: int) -> float:
+    """The coefficient of friction against the slip along a direction."""
+    side = FORWARD if space.explained[_MOVED, i] > 0.0 else BACK
+    return float(space.impact[side, link_of(rows, link, i)])
 
 
 @compiled(brief=True)
@@ -365,16 +361,16 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
         found[RATES_LEFT, q] = abs(found[RATES_LEFT, q])
     largest = largest_rate(rows, space)
     for c in range(mq):
-        off = 0.0
+        held = space.tried[_DONE, c] == 0 and is_pushed(rows, work, c)
+        found[BROKEN, c] = abs(found[_MOVED, c]) if held else 0.0
+    for c in rows.openings:
         moved = found[_MOVED, c]
-        if opens(rows, c):
-            if work[IMPULSE, c] > 0.0:
-                off = abs(moved)
-            elif c == cause or space.tried[_KEPT, c] == 0:
-                off = max(0.0, -moved)
-        elif is_pushed(rows, work, c):
-            off = abs(moved) if space.tried[_DONE, c] == 0 else 0.0
-        found[BROKEN, c] = off
+        if work[IMPULSE, c] > 0.0:
+            found[BROKEN, c] = abs(moved)
+        elif c == cause or space.tried[_KEPT, c] == 0:
+            found[BROKEN, c] = max(0.0, -moved)
+    for c in range(mq):
+        off = found[BROKEN, c]
         if off > 0.0 and has_impulse(rows, space, c) and space.delassus[c, c] > 0.0:
             largest = max(largest, off / math.sqrt(space.delassus[c, c]))
         found[CONTACT_TERMS, c] = passed_on(rows, space, c)

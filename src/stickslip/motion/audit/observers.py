@@ -16,7 +16,7 @@ from stickslip.arrays import Array, IntVector, Vector
 from stickslip.motion.affine.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.algebra.roots import halve, horner, lowest
 from stickslip.motion.modes.guards import resting, stands
-from stickslip.motion.steps.arrays import Rows
+from stickslip.motion.steps.arrays import LEAD, Rows
 from stickslip.motion.steps.contacts import directions_of
 from stickslip.numerics.levels import EXTREMUM_KNOWN, LAST_DIGITS
 from stickslip.translator import compiled
@@ -232,13 +232,13 @@ def add_step(
         sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r], stack)
     for c in range(len(rows.u)):
         force, speed = W[rows.force[c]], W[rows.u[c]]
-        if len(directions_of(rows, c)) > 1:
-            sums.peak[c] = widen_square(rows, W, c, order, h / unit, stack, sums.peak[c])
-        else:
-            low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
-            sums.peak[c] = max(sums.peak[c], high, -low)
+        low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
+        sums.peak[c] = max(sums.peak[c], high, -low)
         for g in range(len(GAUSS_NODES)):
             tau = h / unit * GAUSS_NODES[g]
             held = horner(force, order - 1, tau)
             sums.impulse[c] += h * GAUSS_WEIGHTS[g] * held
             sums.work[c] -= h * GAUSS_WEIGHTS[g] * held * horner(speed, order - 1, tau)
+    for plane in rows.planes:
+        c = plane[LEAD]
+        sums.peak[c] = widen_square(rows, W, c, order, h / unit, stack, sums.peak[c])

@@ -94,6 +94,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     is_stopped,
 )
+from stickslip.motion.steps.contacts import list_friction
 from stickslip.motion.steps.directions import give_directions
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
@@ -205,6 +206,7 @@ def audit_step(
     copy(starts.mode[i], mode)
     copy(starts.region[i], reg)
     copy(starts.state[i], y)
+    list_friction(flow.rows, flow.space, mode)
     resolve(flow.rows, flow.k, flow.space, mode)
     base = starts.time[i]
     left = ends.time[i] - base

@@ -28,15 +28,14 @@ from stickslip.motion.admissible.impacts_law import (
     MOST_MODES,
     NEAR,
     RESTITUTION,
-    given_restitution,
     guess_mode,
     judge_impulses,
     largest_jump,
+    let_recede,
     modes_of,
     put_change,
+    put_restitution,
     put_velocities,
-    recedes,
-    restitution_of,
     set_in_motion,
     try_impulses,
 )
@@ -105,6 +104,8 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     for c in range(mq):
         tried[MODE_BEFORE, c] = lane.mode[c]
     put_restitution(rows, space)
+    if rows.in_turn == 0:
+        let_recede(rows, space)
     for _ in range(mq + 1):
         if rows.in_turn == 1:
             found = impulses_in_turn(machine, flow, here)
@@ -124,18 +125,6 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         for q in range(nq):
             lane.y[nq + q] -= work[CHANGE, q]
     return JUMPED
-
-
-@compiled()
-def put_restitution(rows: Rows, space: Space) -> None:
-    """Restitution of all contacts in the current impact; for sequential impacts as given."""
-    for c in range(rows.sizes[ON_INERTIAL]):
-        e = (
-            given_restitution(rows, space, c)
-            if rows.in_turn == 1
-            else restitution_of(rows, space, c)
-        )
-        space.impact[RESTITUTION, c] = e
 
 
 # -- together --------------------------------------------------------------------------------------
@@ -249,7 +238,8 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
     for turn in range(_MOST_TURNS):
         for c in range(mq):
             tried[NEAR, c] = tried[_CLOSED, c]
-            work[RESTITUTION, c] = 0.0 if recedes(rows, space, c) else work[_GIVEN, c]
+            work[RESTITUTION, c] = work[_GIVEN, c]
+        let_recede(rows, space)
         if not put_responses(machine, flow, at):
             found = NO_IMPULSE
             break

@@ -353,15 +353,12 @@ def choose(
         As in :func:`choose_next`.
     """
     nk = len(reg)
-    for i in range(len(touched)):
-        if touched[i] == 1:
-            if i < nk:
-                reg[i] = candidate % 2
-                candidate //= 2
-                continue
-            states = rows.states[i - nk]
-            if states > 1:
-                state = candidate % states - 1
-                candidate //= states
-                state = abs(state) if states == 2 else state
-                set_mode(rows, mode, i - nk, state * (1 + breaks * rows.drops[i - nk]))
+    for j in range(nk):
+        if touched[j] == 1:
+            reg[j] = candidate % 2
+            candidate //= 2
+    for c in rows.contacts:
+        if touched[nk + c] == 1:
+            states = int(rows.states[c])
+            set_mode(rows, mode, c, (candidate % states - 1) * (1 + breaks * rows.drops[c]))
+            candidate //= states

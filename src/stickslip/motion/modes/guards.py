@@ -24,7 +24,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
 )
-from stickslip.motion.steps.contacts import has_opened, is_loose, opens
+from stickslip.motion.steps.contacts import is_loose, opens
 from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
@@ -177,12 +177,13 @@ def resting(mode: int) -> bool:
 def stands(rows: Rows, mode: Array) -> bool:
     """Whether every contact rests that is not open, and there is one."""
     found = False
-    for c in range(len(mode)):
-        if is_loose(rows, mode, c) or has_opened(rows, mode, c):
-            continue
-        if not resting(mode[c]):
-            return False
-        found = True
+    for c in rows.openings:
+        found = found or mode[c] == 0
+    for c in rows.frictional:
+        if not is_loose(rows, mode, c):
+            if not resting(mode[c]):
+                return False
+            found = True
     return found
 
 
@@ -291,9 +292,7 @@ def is_active(rows: Rows, mode: Array, nk: int, g: int) -> bool:
         c = rows.required[d, SLIPPING]
         return c < 0 or mode[c] * rows.required[d, TOWARDS] > 0
     c = contact_of(g, nk)
-    if is_second(g, nk):
-        return bool(rows.states[c] == 3 and mode[c] == 0)
-    return bool(rows.states[c] > 1 and not is_loose(rows, mode, c))
+    return bool(mode[c] == 0) if is_second(g, nk) else not is_loose(rows, mode, c)
 
 
 @compiled()
@@ -539,7 +538,7 @@ def scan(
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W)
-    for g in range(nk + 2 * nc + len(rows.required)):
+    for g in rows.guards:
         if not is_active(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
@@ -565,7 +564,10 @@ def scan(
         s, order = leading_term(W, guard, N, powers, slack, c)
         requirement = requirement_of(g, nk, nc) >= 0
         if s == 0:
-            if requirement or g < nk or not counts_as_stick(rows, mode, contact_of(g, nk)):
+            # A slip between given motions whose velocity vanishes counts as stick: that alone could
+            # hold or release the contact.
+            i = contact_of(g, nk)
+            if requirement or g < nk or mode[i] == 0 or not is_prescribed(rows, i):
                 continue
             s = -1
         if s < 0 and not requirement:
@@ -581,13 +583,6 @@ def scan(
         c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1
     return violated, count
-
-
-@compiled()
-def counts_as_stick(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a slip counts as stick: the contact is prescribed, so that its zero velocity alone
-    could hold or release it."""
-    return is_prescribed(rows, c) and mode[c] != 0
 
 
 @compiled()

@@ -40,7 +40,6 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.contacts import (
     directions_of,
-    inertial_contacts,
     is_loose,
     loosen_friction,
     set_mode,
@@ -204,9 +203,9 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
     mag = flow.space.mag
     known = False
     found = False
-    for c in inertial_contacts(rows):
+    for c in rows.sharing:
         group = rows.group[c]
-        if group < 0 or mode[c] == 0 or is_loose(rows, mode, c):
+        if mode[c] == 0 or is_loose(rows, mode, c):
             continue
         rank = orthonormalise(flow, mode, flow.space.W, group)[1]
         if rank == 0 or not is_dependent(flow, flow.space.W, c, rank):

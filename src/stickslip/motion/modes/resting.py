@@ -63,10 +63,8 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.contacts import (
     direction_entry,
     directions_of,
-    inertial_contacts,
     inertial_friction,
     is_loose,
-    opens,
     own_directions,
     set_mode,
 )
@@ -258,11 +256,11 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
         for link in range(rows.first_link[c], rows.first_link[block[len(block) - 1] + 1]):
             cones[LEAST_SHARE, link] = -W[rows.friction[link, 2], 0]
             cones[MOST_SHARE, link] = W[rows.friction[link, 3], 0]
-        if rows.alone[c] == 1:
-            if len(block) > 1:
-                return False
-            cones[LEAST_ALONE, c] = -max(W[rows.plus[c], 0], 0.0)
-            cones[MOST_ALONE, c] = max(W[rows.minus[c], 0], 0.0)
+        # Without normal forces these are its own thresholds.
+        cones[LEAST_ALONE, c] = -max(W[rows.plus[c], 0], 0.0)
+        cones[MOST_ALONE, c] = max(W[rows.minus[c], 0], 0.0)
+        if cones[MOST_ALONE, c] > 0.0 and len(block) > 1:
+            return False
     scale = put_wanted(rows, space, part)
     if not are_held(rows, space, scale):
         return False
@@ -279,9 +277,12 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
         chosen[i] = i
     for _ in range(_MOST_CHOICES):
         if choose_normals(flow, part, rank, number) and are_held(rows, space, scale):
-            for c in inertial_contacts(rows):
+            for c in rows.openings:
                 if cones[RESTS, c] != 0.0:
-                    set_mode(rows, mode, c, mode_of_force(rows, cones, c))
+                    mode[c] = 0 if cones[FORCE, c] > 0.0 else 1
+            for c in inertial_friction(rows):
+                if cones[RESTS, c] != 0.0:
+                    set_mode(rows, mode, c, mode_of_friction(rows, cones, c))
             return True
         # the next choice in lexicographic order
         last = rank - 1
@@ -367,11 +368,9 @@ def put_wanted(rows: Rows, space: Space, part: int) -> float:
 
 
 @compiled(brief=True)
-def mode_of_force(rows: Rows, cones: Array, c: int) -> int:
-    """Mode of a resting contact with a given force: stick, carried at a threshold, or open."""
+def mode_of_friction(rows: Rows, cones: Array, c: int) -> int:
+    """Mode of a resting contact with a given force: stick, or carried at a threshold."""
     force = cones[FORCE, c]
-    if opens(rows, c):
-        return 0 if force > 0.0 else 1
     most, least = cones[MOST_ALONE, c], cones[LEAST_ALONE, c]
     for link in range(rows.first_link[c], rows.first_link[c + 1]):
         pressed = cones[FORCE, rows.links[link, PRESSING]]

@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     FIRST_ROW,
     INERTIAL,
     LEAD,
-    MASSIVE,
     MEMBERS,
     NOW,
     NOWHERE,
@@ -129,7 +128,7 @@ def release_or_hold(
         if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                set_mode(rows, mode, c, 1 if gap > 0.0 or gapped else -1)
+                set_mode(rows, mode, c, 1 if gap > 0.0 else -1)
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:
@@ -325,20 +324,19 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         set_mode(rows, lane.mode, opened, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     asks, told = True, False
-    for p in range(len(rows.planes)):
+    for p in rows.massive_planes:
         first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
-        if rows.planes[p, MASSIVE] == 1:
-            left = leaves_with(rows, lane, first, c)
-            if asks and not left and lane.mode[first] != 0:
-                asks = False
-                told = resolve(rows, flow.k, flow.space, lane.mode)
-                told = told and coefficients(machine, flow, here, 1, flow.space.V) == OK
-            if told and not left and lane.mode[first] != 0:
-                left = hardly_slips(flow, here, first)
-            asked = asked or left or lane.mode[first] == 0
-            if left:
-                set_mode(rows, lane.mode, first, 0)
+        left = leaves_with(rows, lane, first, c)
+        if asks and not left and lane.mode[first] != 0:
+            asks = False
+            told = resolve(rows, flow.k, flow.space, lane.mode)
+            told = told and coefficients(machine, flow, here, 1, flow.space.V) == OK
+        if told and not left and lane.mode[first] != 0:
+            left = hardly_slips(flow, here, first)
+        asked = asked or left or lane.mode[first] == 0
+        if left:
+            set_mode(rows, lane.mode, first, 0)
     if not asked:
         return
     recent, span = lane.clock[RECENT], lane.clock[SPAN]
@@ -349,7 +347,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         if not known or all_on_surface(flow, lane.mode):
             break
         known = release_or_hold(flow, here, recent, 0.0, span, opened >= 0)
-    for p in range(len(rows.planes)):
+    for p in rows.massive_planes:
         first = rows.planes[p, LEAD]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])

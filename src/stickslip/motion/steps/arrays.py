@@ -151,6 +151,9 @@ class Rows(NamedTuple):
         Rows of the coefficients: kinetic against slip forward and back, static likewise.
     alone : array of int, shape (contacts,)
         1 for each contact that holds forces without a normal force of another one, too.
+    held_again : array of int, shape (contacts,)
+        Whether what slips, or is open, may be held by more than its force, or from another side:
+        at any time (2, in a plane), where it begins (1), or not (0).
     jumps : array of int, shape (jumps, 4)
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
@@ -159,6 +162,8 @@ class Rows(NamedTuple):
         Contacts in a plane, by the columns from `LEAD` to `HAS_AXES`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
+    massive_planes, formula_planes : arrays of int
+        Those that move masses, and those whose dissipation has a formula.
     pieces : array of int, shape (pieces, 3)
         Kinks of the dissipations of planes that have a formula, the plane, and the row of the same
         function of the direction.
@@ -167,6 +172,8 @@ class Rows(NamedTuple):
     group : array of int, shape (contacts,)
         For contacts whose directions may depend on each other, friction in a plane among them:
         which of such groups each belongs to; −1: of none.
+    sharing : array of int
+        The contacts of these groups, by their first directions.
     bodies : array of int, shape (structures, 2)
         First coordinate and number of coordinates of each structure.
     contacts : array of int
@@ -178,12 +185,14 @@ class Rows(NamedTuple):
         The first direction of the contact that each direction belongs to.
     directions, first_direction : arrays of int, shapes (directions,), (directions + 1,)
         The directions of each contact, and where they begin by its first one; others have none.
-    openings : array of int
-        Contacts that can open.
+    openings, adhesive : arrays of int
+        Contacts that can open; and those among them that hold a pull: they have a threshold.
     frictional : array of int
         The others, by their first directions.
     massive_frictional : int
         How many of them move inertial coordinates; these come first.
+    lines : array of int
+        Those that have a single direction.
     radii : array of int, shape (directions, 2)
         The rows whose mean is the radius of the set of forces: both thresholds of a line, and twice
         that of a plane or a face.
@@ -198,6 +207,9 @@ class Rows(NamedTuple):
     states : array of int, shape (directions,)
         Number of states of each contact, by its first direction: in a plane, and of what can open,
         a slip has no sign. Other directions have one.
+    guards : array of int
+        The numbers of the guards that there are: of the kinks, of the contacts, and of `required`
+        (:mod:`stickslip.motion.modes.guards`).
     """
 
     sizes: IntVector
@@ -224,13 +236,17 @@ class Rows(NamedTuple):
     first_link: IntVector
     friction: IntMatrix
     alone: IntVector
+    held_again: IntVector
     jumps: IntMatrix
     landings: IntVector
     planes: IntMatrix
     plane: IntVector
+    massive_planes: IntVector
+    formula_planes: IntVector
     pieces: IntMatrix
     in_turn: int
     group: IntVector
+    sharing: IntVector
     bodies: IntMatrix
     contacts: IntVector
     massive_contacts: int
@@ -238,13 +254,16 @@ class Rows(NamedTuple):
     directions: IntVector
     first_direction: IntVector
     openings: IntVector
+    adhesive: IntVector
     frictional: IntVector
     massive_frictional: int
+    lines: IntVector
     radii: IntMatrix
     formula: IntVector
     beside: IntVector
     made: IntVector
     states: IntVector
+    guards: IntVector
 
 
 class Constants(NamedTuple):
@@ -293,6 +312,8 @@ class Space(NamedTuple):
     last_step : array, shape (2, n)
         Rates at the end of the last step according to its series, times its length (PREDICTED);
         and the state it STARTED from.
+    rubbing : array of int
+        Contacts that have friction in a mode; see :mod:`stickslip.motion.steps.contacts`.
     known : array of int
         Mode for which Rq and Rz were made; last entry 0 if they are valid.
     asked : array of int
@@ -349,6 +370,7 @@ class Space(NamedTuple):
     powers: Vector
     pending: Matrix
     labels: IntMatrix
+    rubbing: IntMatrix
     known: IntVector
     asked: IntVector
     stages: Matrix
@@ -585,6 +607,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         powers=z(N + 1),
         pending=z((guards, N + 1)),
         labels=z((guards, 2), np.int64),
+        rubbing=z((3, nc + 1), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
         impact=z((17, max(nq, nc, len(rows.links)))),

@@ -6,6 +6,10 @@ from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import FIRST_ROW, MATRIX, PART, PRESSING, SEAT, Rows, Space
 from stickslip.translator import compiled
 
+# Rows of Space.rubbing: contacts whose normal forces all vanish; and, of those that have friction,
+# contacts along a line, and in a plane or with a face. Last the number of each.
+LOOSE, ALONG_LINES, IN_PLANES = range(3)
+
 
 @compiled()
 def own_inverse(rows: Rows, space: Space, c: int) -> float:
@@ -68,6 +72,25 @@ def is_loose(rows: Rows, mode: Array, c: int) -> bool:
 
 
 @compiled()
+def list_friction(rows: Rows, space: Space, mode: Array) -> None:
+    """List the contacts that have friction in a mode."""
+    for listed in space.rubbing:
+        listed[len(listed) - 1] = 0
+    for c in rows.frictional:
+        loose = is_loose(rows, mode, c)
+        listed = space.rubbing[LOOSE if loose else min(len(directions_of(rows, c)), IN_PLANES)]
+        listed[listed[len(listed) - 1]] = c
+        listed[len(listed) - 1] += 1
+
+
+@compiled()
+def rubbing(space: Space, which: int) -> Array:
+    """The contacts in one of these lists."""
+    listed = space.rubbing[which]
+    return listed[: listed[len(listed) - 1]]
+
+
+@compiled()
 def opens(rows: Rows, c: int) -> bool:
     """Whether a contact is the normal direction of one that can open."""
     return bool(rows.gaps[c] >= 0)
@@ -98,8 +121,8 @@ def presses(rows: Rows, n: int, c: int) -> bool:
 
 @compiled(brief=True)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Set the mode of a contact for all its directions; with several directions a slip has no
-    sign."""
-    block = own_directions(rows, c)
-    for i in block:
-        mode[i] = value if len(block) == 1 else abs(value)
+    """Set the mode of a contact for all its directions; the sign of a slip counts along a line
+    only."""
+    signed = rows.states[rows.lead[c]] == 3
+    for i in own_directions(rows, c):
+        mode[i] = value if signed else abs(value)

@@ -26,7 +26,7 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.algebra.vectors import direction_and_turn, is_new
-from stickslip.motion.steps.arrays import FORMULA, LEAD, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -72,11 +72,12 @@ def begin_together(flow: Flow) -> bool:
     group = -1
     count = 0
     bends = any_bends(flow)
+    for p in rows.formula_planes:
+        if begins_in(flow, p):
+            return False
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             own = rows.group[rows.planes[p, LEAD]]
-            if rows.planes[p, FORMULA] >= 0:
-                return False
             if not bends and (own < 0 or (count > 0 and own != group)):
                 return False
             group = own

@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     BENDS,
     DIMENSION,
     FEWEST_ORDERS,
-    FORMULA,
     HAS_AXES,
     LEAD,
     OK,
@@ -141,11 +140,11 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         if r % AIMS != LEADING:
             for k in range(aims.shape[1]):
                 aims[r, k] = 0.0
-        if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
-            aims[r, 0] = 1.0  # a gradient has no value at 0
         if r % AIMS == AXES:
             aims[r, 0] = aims[r, 1] = 1.0
             aims[r, 2] = float(rows.planes[r // AIMS, HAS_AXES])
+    for p in rows.formula_planes:
+        aims[AIMS * p + N_, 0] = 1.0  # a gradient has no value at 0
     for probe in range(-1, 2 * planes):
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue

@@ -29,7 +29,6 @@ from stickslip.motion.steps.arrays import (
     AIMS,
     DIMENSION,
     FEWEST_ORDERS,
-    FORMULA,
     LEAD,
     OK,
     SEAT,
@@ -106,9 +105,8 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
     int
         OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
     """
-    for plane in flow.rows.planes:
-        if plane[FORMULA] >= 0:
-            place_anywhere(flow.rows, plane, table)
+    for p in flow.rows.formula_planes:
+        place_anywhere(flow.rows, flow.rows.planes[p], table)
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK:
         return status

@@ -118,6 +118,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     is_stopped,
 )
+from stickslip.motion.steps.contacts import list_friction
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, kink_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
@@ -214,6 +215,7 @@ def audit_flight(
     )
     if not is_flown(machine, flow, a, form, stretch, start, ends, i, tally):
         return _DOUBTED
+    list_friction(rows, space, mode)
     sums = accounts.sums
     before = tally.total[ROUNDING_ERRORS]
     copy(sums.impulse, a.before[0])

@@ -8,9 +8,8 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.jumps import fired_jump
-from stickslip.motion.steps.arrays import MASSIVE, Rows
+from stickslip.motion.steps.arrays import LEAD, Rows
 from stickslip.motion.steps.contacts import has_opened
-from stickslip.motion.steps.sets import plane_of
 from stickslip.numerics.levels import TINIEST
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.tables import (
@@ -225,12 +224,6 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 
 @compiled()
-def moves_masses_in_plane(rows: Rows, c: int) -> bool:
-    """Return whether a contact is planar, and moves masses."""
-    return bool(rows.plane[c] >= 0 and plane_of(rows, c)[MASSIVE] == 1)
-
-
-@compiled()
 def reverses(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Return whether a planar slip, or a slip of a contact that may share forces with a planar one,
     begins or ends at a knot, or passes through rest.
@@ -240,21 +233,23 @@ def reverses(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> 
     i : int
         The knot; not the first.
     """
+    before, after = run.knots.mode[i - 1], run.knots.mode[i]
     slips = False
-    for c in range(len(rows.group)):
-        before, after = run.knots.mode[i - 1, c], run.knots.mode[i, c]
-        in_plane = rows.plane[c] >= 0
-        if before != after and (in_plane or rows.group[c] >= 0):
+    for c in rows.sharing:
+        if before[c] != after[c]:
             return True
-        slips = slips or (after != 0 and in_plane)
+    for plane in rows.planes:
+        if before[plane[LEAD]] != after[plane[LEAD]]:
+            return True
+        slips = slips or after[plane[LEAD]] != 0
     if not slips:
         return False
     guards_at(listed, run, work.values, run.piece[i - 1], i, work.around)
     for g in range(listed.switches.shape[1]):
-        c = listed.switches[run.piece[i - 1], g] - len(rows.kinks)
-        stands = c >= 0 and run.knots.mode[i, c] != 0 and work.around.value[g] == 0.0
-        if stands and moves_masses_in_plane(rows, c):
-            return True
+        for p in rows.massive_planes:
+            own = listed.switches[run.piece[i - 1], g] == len(rows.kinks) + rows.planes[p, LEAD]
+            if own and after[rows.planes[p, LEAD]] != 0 and work.around.value[g] == 0.0:
+                return True
     return False
 
 
