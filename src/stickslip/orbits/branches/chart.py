@@ -21,6 +21,7 @@ from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
 from stickslip.orbits.return_map.following import flies, follow_state
+from stickslip.orbits.return_map.half_map import HalfMap, half_map
 from stickslip.orbits.return_map.held import Held, held_positions, same_held
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
@@ -113,19 +114,23 @@ class Chart:
     ----------
     shooting : Shooting
         With a free parameter.
+    half : HalfMap or None
+        If the second halves of the cycles mirror the first: then its equations are solved, which
+        are regular where the cycles lose this symmetry.
     candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
     extent: Extent
+    half: HalfMap | None = None
     candidates: dict[bytes, Closed] = field(default_factory=dict)
     cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
         orbit = self.orbit(x)
-        return orbit.F, orbit.J
+        return self.half.equations(self.shooting, orbit) if self.half else (orbit.F, orbit.J)
 
     def orbit(self, x: Array) -> Orbit:
         """The orbit of given unknowns."""
@@ -185,6 +190,10 @@ class Chart:
             Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
         )
 
+    def without_half_map(self) -> Chart:
+        """The same coordinates for cycles whose halves differ."""
+        return Chart(self.shooting, self.extent)
+
     @property
     def on_edge(self) -> bool:
         """Whether a contact is carried along at the edge of its interval of rest."""
@@ -218,12 +227,21 @@ class Chart:
         return {
             "fold": slope,
             **spectral_tests(closed.spectrum.others, slope),
+            **self._half_tests(orbit),
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(closed) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (_UNBOUNDED * extent.period),
             "carried": self.carried(x, tangent),
         }
+
+    def _half_tests(self, orbit: Orbit) -> dict[Test, float]:
+        """A function that vanishes where the cycles lose the symmetry of their halves, instead of
+        one that is singular there."""
+        if self.half is None:
+            return {}
+        found = self.half.multipliers(self.shooting, orbit)
+        return {"branch point": float(np.prod((1.0 + found) / (1.0 + np.abs(found))).real)}
 
     def check(self, orbit: Orbit) -> None:
         """Check that an orbit is a cycle of this chart.
@@ -257,8 +275,16 @@ class Chart:
                 raise Outgrown("the motion is tangent to its section")
 
 
-def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
-    """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
+def first_chart(
+    closed: Closed, pieces: Pieces, extent: Extent, halves: bool = False
+) -> tuple[Chart, Array]:
+    """A chart around a cycle, with the free parameter of the pieces, and its unknowns.
+
+    Parameters
+    ----------
+    halves : bool
+        Whether the half map is used if there is one.
+    """
     problem = closed.orbit.problem
     # A closed form is made for one set of parameters; here every motion has its own.
     exact = flies(closed.orbit.motion)
@@ -268,8 +294,21 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
     general = replace(problem, exact=exact, boxes=boxes)
     shooting = closed.shooting.with_pieces(pieces, general)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[free]))
-    new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
-    return Chart(new, extent), x
+    found = Closed(shooting, orbit)
+    half = half_map(found, free, (extent.low, extent.high)) if halves else None
+    count = len(shooting.stations)
+    return _restarted(found, count, chart_sizes(closed, extent), extent, half)
+
+
+def _restarted(
+    closed: Closed, count: int, sizes: Array, extent: Extent, half: HalfMap | None
+) -> tuple[Chart, Array]:
+    """A chart around the best state of a cycle, and its unknowns; for a half map, the number of
+    stations is even."""
+    shooting, orbit = closed.shooting, closed.orbit
+    count += count % 2 if half else 0
+    new, x = restarted(shooting, orbit, count, sizes)
+    return Chart(new, extent, half if half and half.suits(new) else None), x
 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
@@ -293,9 +332,11 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     shooting = chart.shooting
     orbit = chart.orbit(x)
     begin = best_start(shooting, orbit)
-    new, y = restarted(
-        shooting, orbit, stations_for(shooting, orbit), chart_sizes(chart.closed(x), chart.extent)
-    )
+    closed, extent = chart.closed(x), chart.extent
+    half = chart.half and half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    count = stations_for(shooting, orbit) if chart.half is None or half else 1
+    there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
+    new = there.shooting
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
     # The clock may be put back by whole periods, and these change along the branch, too.
@@ -311,7 +352,7 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     towards = np.zeros(len(y))
     towards[: len(xi)] = xi
     towards[new.time :] = tangent[shooting.time :]
-    return Chart(new, chart.extent), y, towards
+    return there, y, towards
 
 
 def chart_sizes(closed: Closed, extent: Extent) -> Array:

@@ -402,7 +402,7 @@ def _onward(
     there, excluding the way back."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
-    rows = chart.orbit(trial).J * units
+    rows = chart(trial)[1] * units
     # The tangent beyond the corner is the null vector of the equations of the other sequence,
     # evaluated at a trial point, since they are not defined at the corner itself.
     null = np.linalg.svd(ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True)))[2][-1]

@@ -211,7 +211,7 @@ class _Follower:
         def onward(start: Start[Chart], path: Path) -> Start[Chart] | Ending:
             return self._onward(stations, start, path)
 
-        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
+        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent, halves=True)
         towards = np.zeros(len(x))
         towards[-1] = sign
         start = self._start(chart, x, towards, self.steps.first)

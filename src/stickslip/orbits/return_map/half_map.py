@@ -1,0 +1,162 @@
+"""Cycles whose second half mirrors the first, as fixed points of half of their return map.
+
+A change of the signs of some components of the state, with a shift by half a period, may map the
+equations onto themselves. For a cycle that it maps onto itself, the half map is the motion over
+half a period, followed by the change of signs; the return map is its square. Where a multiplier of
+the half map is −1, that of the return map is 1 (a branch point), and the equations of the cycle are
+singular; those of the half map are not.
+
+Reference: Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, section 7.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.arrays import AnyArray, Array
+from stickslip.numerics.ratios import ratio
+from stickslip.orbits.fields.mode_field import Piece
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
+from stickslip.orbits.return_map.recurrence import segments
+from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
+
+# difference of the halves of a cycle, relative to its ranges, up to which they mirror each other,
+# if the cycle is not known less well …
+_MIRRORED = 1e-6
+_LEAST_KNOWN = 1e-3
+# … and of two sides of the equations, relative to their largest value, at …
+_SAME = 1e-9
+# … states that differ from those of the cycle by this part of its size, …
+_JITTER = 0.3
+# … and at these parts of the range of the parameter
+_PLACES = (0.37, 0.71)
+
+
+@dataclass(frozen=True)
+class HalfMap:
+    """The half map of cycles; `signs`, shape (n,), are the factors of the components of the
+    state."""
+
+    signs: Array
+
+    def suits(self, shooting: Shooting) -> bool:
+        """Return whether a station of the equations is after half a period."""
+        return shooting.stations[self._middle(shooting)].part == 0.5  # noqa: RUF069
+
+    def equations(self, shooting: Shooting, orbit: Orbit) -> tuple[Array, Array]:
+        """Residual and derivative with the first station at the mirror image of the middle one,
+        instead of at the end of the period."""
+        middle, home = self._middle(shooting), slice(*shooting.first[:2])
+        own = slice(*shooting.first[middle : middle + 2])
+        station, place = shooting.stations[0], orbit.legs[middle].place
+        back = station.chart * self.signs
+        F, J = orbit.F.copy(), orbit.J.copy()
+        F[home] = station.chart @ (self.signs * place.state - station.origin) - orbit.x[home]
+        J[home] = 0.0
+        J[home, home] = -np.eye(home.stop)
+        J[home, own] += back @ place.directions
+        J[home, shooting.time] = 0.5 * (back @ place.by_time)
+        if shooting.free:
+            J[home, -1] = back @ place.by_parameter
+        return F, J
+
+    def multipliers(self, shooting: Shooting, orbit: Orbit) -> AnyArray:
+        """The multipliers of the half map, those of the first coordinates."""
+        n = len(orbit.shift)
+        middle = self._middle(shooting)
+        M = np.eye(int(shooting.first[1]))
+        for leg, there in zip(orbit.legs[:middle], shooting.stations[1:], strict=False):
+            M = there.chart @ leg.change.matrix[:n, : leg.place.directions.shape[1]] @ M
+        back = shooting.stations[0].chart * self.signs
+        return np.linalg.eigvals(back @ orbit.legs[middle].place.directions @ M)
+
+    @staticmethod
+    def _middle(shooting: Shooting) -> int:
+        return len(shooting.stations) // 2
+
+
+def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | None:
+    """The half map of a cycle; None if it has none.
+
+    Parameters
+    ----------
+    free : str
+        The parameter that changes.
+    ends : (float, float)
+        Its range: the equations have the symmetry for all its values.
+    """
+    setting = closed.shooting.setting
+    free_to_move = setting.symmetry.shifts.shape[1] or len(setting.cells) or setting.held
+    if free_to_move or np.any(closed.orbit.shift) or np.any(setting.symmetry.frame or 0.0):
+        return None
+    signs = _signs(closed)
+    if signs is None or not _maps_equations(closed, signs, free, ends):
+        return None
+    return HalfMap(signs)
+
+
+def _signs(closed: Closed) -> Array | None:
+    """Factors of the components in the second half of a period, compared with the first."""
+    states = closed.samples(64)
+    early, late = np.split(states, 2)
+    # A cycle with a multiplier of nearly 1 is known less accurately than it closes.
+    near = np.min(np.abs(closed.spectrum.others - 1.0), initial=1.0)
+    known = max(_MIRRORED, min(ratio(CLOSED, near), _LEAST_KNOWN))
+    known = known * np.maximum(np.ptp(states, axis=0), closed.shooting.setting.sizes)
+    odd = np.max(np.abs(late + early), axis=0) <= known
+    even = np.max(np.abs(late - early), axis=0) <= known
+    if not np.all(odd | even) or not np.any(odd & ~even):
+        return None
+    return np.where(odd, -1.0, 1.0)
+
+
+def _maps_equations(closed: Closed, signs: Array, free: str, ends: tuple[float, float]) -> bool:
+    """Return whether the equations have the symmetry, in every phase of a cycle and around it."""
+    shooting, orbit = closed.shooting, closed.orbit
+    motion, pieces = orbit.motion, shooting.pieces
+    k = motion.knots
+    setting = shooting.setting
+    random = np.random.default_rng(0)
+    whole = float(orbit.period)
+    values = [parameter_values(orbit.problem)]
+    periods = [whole]
+    for part in _PLACES:
+        other = {**orbit.problem.parameters, free: ends[0] + part * (ends[1] - ends[0])}
+        values.append(np.array([other[name] for name in orbit.problem.system.parameters]))
+        driven = setting.clock is not None
+        periods.append(setting.turns * setting.clock.period(other) if driven else whole)
+    for a, b in segments(motion):
+        t = 0.5 * float(k.time[a] + k.time[b])
+        later = t + 0.5 * whole if t + 0.5 * whole < k.time[-1] else t - 0.5 * whole
+        there = min(int(np.searchsorted(k.time, later, side="right")) - 1, len(k.time) - 2)
+        one, other = (pieces(k.mode[i], k.region[i]) for i in (a, there))
+        y = motion.states_at(np.array([t]), np.array([_step(k.time, t)]))[0]
+        y = y + _JITTER * setting.sizes * random.uniform(-1.0, 1.0, len(y))
+        for p, period in zip(values, periods, strict=True):
+            now = t * period / whole
+            if not _alike(
+                _functions(one, now, y, p, signs),
+                _functions(other, now + 0.5 * period, signs * y, p, np.ones(len(y))),
+            ):
+                return False
+    return True
+
+
+def _functions(piece: Piece, t: float, y: Array, p: Array, signs: Array) -> tuple[Array, Array]:
+    """The rates with signs, and the moduli of guards and constraints in order of size."""
+    found = piece.felt(np.array([t]), y[:, None], p)[:, 0]
+    return signs * found[: len(y)], np.sort(np.abs(found[len(y) :]))
+
+
+def _alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    return all(
+        a.shape == b.shape
+        and bool(np.all(np.abs(a - b) <= _SAME * np.max(np.abs(a), initial=0.0)))
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def _step(time: Array, t: float) -> int:
+    return min(int(np.searchsorted(time, t, side="right")) - 1, len(time) - 2)
