@@ -3,6 +3,7 @@ along the branch."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,8 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.branches.halving import half_gap
 from stickslip.orbits.continuation.arclength import Outgrown, curve_between
-from stickslip.orbits.continuation.corrector import correct
+from stickslip.orbits.continuation.bracket import zero_near
+from stickslip.orbits.continuation.corrector import Lost, correct, correct_at
 from stickslip.orbits.continuation.path import Point, Test
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
@@ -42,6 +44,9 @@ _VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
 _HALVED = 2e-2
 _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
+# tolerance of a branch point, distance to a second place of its search, and its largest distance
+# from the crossing of the branch, the latter two as fractions of the range
+_FINE, _BESIDE, _CROSSES = 1e-11, 1e-6, 1e-4
 _NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
@@ -186,9 +191,8 @@ class Chart:
         """The same coordinates, with other positions of rest."""
         old = self.shooting
         setting = replace(self.shooting.setting, held=held)
-        return Chart(
-            Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
-        )
+        new = Shooting(old.problem, old.pieces, old.stations, old.start, setting)
+        return Chart(new, self.extent, _suited(self.half, new))
 
     def without_half_map(self) -> Chart:
         """The same coordinates for cycles whose halves differ."""
@@ -227,7 +231,7 @@ class Chart:
         return {
             "fold": slope,
             **spectral_tests(closed.spectrum.others, slope),
-            **self._half_tests(orbit),
+            **({"branch point": self.leaves_symmetry(orbit)} if self.half else {}),
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(closed) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
@@ -235,13 +239,13 @@ class Chart:
             "carried": self.carried(x, tangent),
         }
 
-    def _half_tests(self, orbit: Orbit) -> dict[Test, float]:
-        """A function that vanishes where the cycles lose the symmetry of their halves, instead of
-        one that is singular there."""
+    def leaves_symmetry(self, orbit: Orbit) -> float:
+        """A function that vanishes where a multiplier of the half map is −1; 1 without such a
+        map."""
         if self.half is None:
-            return {}
+            return 1.0
         found = self.half.multipliers(self.shooting, orbit)
-        return {"branch point": float(np.prod((1.0 + found) / (1.0 + np.abs(found))).real)}
+        return float(np.prod((1.0 + found) / (1.0 + np.abs(found))).real)
 
     def check(self, orbit: Orbit) -> None:
         """Check that an orbit is a cycle of this chart.
@@ -308,7 +312,53 @@ def _restarted(
     shooting, orbit = closed.shooting, closed.orbit
     count += count % 2 if half else 0
     new, x = restarted(shooting, orbit, count, sizes)
-    return Chart(new, extent, half if half and half.suits(new) else None), x
+    return Chart(new, extent, _suited(half, new)), x
+
+
+def symmetric_branch_point(chart: Chart, x: Array) -> Cycle | None:
+    """The cycle at which a branch of cycles whose halves differ crosses one of cycles whose halves
+    mirror each other, solved on the latter; None if there is none nearby.
+
+    Parameters
+    ----------
+    x : array
+        Unknowns near it.
+    """
+    if chart.half is not None:
+        return None
+    shooting, closed, extent = chart.shooting, chart.closed(x), chart.extent
+    half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    count = stations_for(shooting, closed.orbit)
+    there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
+    if there.half is None:
+        return None
+    near = there
+    units = near.scale(y)
+
+    def excess(value: float) -> float:
+        nonlocal y
+        guess = np.append(y[:-1], value)
+        y = correct_at(near, guess, units, len(y) - 1, value, _FINE)
+        return near.leaves_symmetry(near.orbit(y))
+
+    known, width = float(y[-1]), extent.high - extent.low
+    beside = known + math.copysign(_BESIDE * width, 0.5 * (extent.low + extent.high) - known)
+    with suppress(Lost, StickslipError, ArithmeticError, np.linalg.LinAlgError):
+        here = excess(known)
+        slope = (excess(beside) - here) / (beside - known)
+        if abs(here) > _CROSSES * width * abs(slope):
+            return None
+        value = zero_near(excess, known, known - (here / slope if slope else 0.0))
+        if value is None:
+            return None
+        excess(value)
+        return near.cycle(y) if extent.low <= value <= extent.high else None
+    return None
+
+
+def _suited(half: HalfMap | None, shooting: Shooting) -> HalfMap | None:
+    """The half map, if it can be solved with these stations."""
+    return half if half and half.suits(shooting) else None
 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:

@@ -29,6 +29,7 @@ from stickslip.orbits.branches.chart import (
     extent_of,
     first_chart,
     renewed,
+    symmetric_branch_point,
 )
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
@@ -256,6 +257,10 @@ class _Follower:
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
+            if chart.half is not None and path.ended.stop is Stop.LOST and len(path.points) == 1:
+                # Cycles may lose the symmetry of the equations themselves, at a new phase.
+                plain = renewed(chart.without_half_map(), last.x, last.tangent)
+                return self._start(*plain, self.steps.first)
             shortest = CHART_PATIENCE * self.steps.smallest
             if max(step, last.length - path.points[0].length) <= shortest:
                 return path.ended
@@ -290,6 +295,8 @@ class _Follower:
             cycle = chart.cycle(point.x)
             happened = [path.breaks[i].what] if i in path.breaks else []
             here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
+            if any(c.name == "branch point" for c in here):
+                cycle = symmetric_branch_point(chart, point.x) or cycle
             happened += [
                 happening_at(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)
             ]

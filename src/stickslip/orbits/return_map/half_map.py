@@ -19,6 +19,7 @@ from stickslip.arrays import AnyArray, Array
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
+from stickslip.orbits.return_map.held import forms
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
 
@@ -42,8 +43,13 @@ class HalfMap:
     signs: Array
 
     def suits(self, shooting: Shooting) -> bool:
-        """Return whether a station of the equations is after half a period."""
-        return shooting.stations[self._middle(shooting)].part == 0.5  # noqa: RUF069
+        """Return whether a station is after half a period, and positions that contacts keep are
+        determined by the symmetry."""
+        odd = all(
+            not held.edge and np.array_equal(held.form * self.signs, -held.form)
+            for held in shooting.setting.held
+        )
+        return odd and shooting.stations[self._middle(shooting)].part == 0.5
 
     def equations(self, shooting: Shooting, orbit: Orbit) -> tuple[Array, Array]:
         """Residual and derivative with the first station at the mirror image of the middle one,
@@ -63,14 +69,20 @@ class HalfMap:
         return F, J
 
     def multipliers(self, shooting: Shooting, orbit: Orbit) -> AnyArray:
-        """The multipliers of the half map, those of the first coordinates."""
+        """The multipliers of the half map, without those of positions that contacts keep: these
+        are −1, since the symmetry changes their signs."""
         n = len(orbit.shift)
         middle = self._middle(shooting)
         M = np.eye(int(shooting.first[1]))
         for leg, there in zip(orbit.legs[:middle], shooting.stations[1:], strict=False):
             M = there.chart @ leg.change.matrix[:n, : leg.place.directions.shape[1]] @ M
-        back = shooting.stations[0].chart * self.signs
-        return np.linalg.eigvals(back @ orbit.legs[middle].place.directions @ M)
+        first = shooting.stations[0]
+        M = first.chart * self.signs @ orbit.legs[middle].place.directions @ M
+        kept = forms(shooting.setting.held, n) @ first.basis
+        if len(kept):
+            free = np.linalg.svd(kept)[2][len(kept) :].T
+            M = free.T @ M @ free
+        return np.linalg.eigvals(M) if len(M) else np.zeros(0)
 
     @staticmethod
     def _middle(shooting: Shooting) -> int:
@@ -88,7 +100,7 @@ def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | 
         Its range: the equations have the symmetry for all its values.
     """
     setting = closed.shooting.setting
-    free_to_move = setting.symmetry.shifts.shape[1] or len(setting.cells) or setting.held
+    free_to_move = setting.symmetry.shifts.shape[1] or len(setting.cells)
     if free_to_move or np.any(closed.orbit.shift) or np.any(setting.symmetry.frame or 0.0):
         return None
     signs = _signs(closed)
