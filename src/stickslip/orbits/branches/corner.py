@@ -11,6 +11,7 @@ other problem fixes its rest position to that at the corner.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
@@ -21,8 +22,14 @@ from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
-from stickslip.orbits.branches.onset import nearest_onset
-from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
+from stickslip.orbits.branches.onset import Onset
+from stickslip.orbits.branches.special_points import (
+    HIDDEN,
+    Happening,
+    measured_change,
+    onset_near,
+    turning,
+)
 from stickslip.orbits.continuation.arclength import direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
@@ -58,6 +65,7 @@ _DIRECTIONS = 3  # number of directions that are tried sequentially
 _HELD_TO = 10.0 * HELD  # largest gap of cycles on which a contact is carried along
 # positions along a ray at which the onset of a stick is searched for
 _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
+_FARTHEST = 1e-6  # largest distance of the onset from the change of the sequence
 _SECANTS = 3  # initial secant steps towards it
 # factor on the distance beyond a corner at which slip in both directions is tested
 _FURTHER = 100.0
@@ -167,13 +175,14 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
     rays = (chart, x, tangent), (there, y, towards)
     cycle = None
-    if kind == "stick onset":
+    onset = None if edge is not None else onset_near(there, y, here, after)
+    if onset is not None:
         with suppress(*_FAILURES):
-            y = _along(rays[1], _to_the_onset(rays[1]))
+            y = _along(rays[1], _to_the_onset(rays[1], onset))
             cycle = there.cycle(y)
     if onward is not None and not onward.gap(y, chart.on_edge).ok:
         # A phase that is too short to count ends before the point where both sides meet.
-        if kind != "stick onset":
+        if onset is None:
             with suppress(*_FAILURES):
                 x, y = _moved(rays, _to_the_meeting(rays[1], onward))
         if edge is None and not onward.gap(y, chart.on_edge).ok:
@@ -182,7 +191,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         # Just beyond, a phase may have vanished whose symmetric counterpart becomes too short
         # slightly later.
         kind, note = change_of(equations, here, sequence(onward.chart.orbit(onward.x).motion))
-    residuals = measured_change(there, y, kind, min(distance, left))
+    residuals = measured_change(there, y, onset, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)
         if gap.ok:
@@ -199,15 +208,13 @@ _Ray = tuple[Chart, Array, Array]
 """A chart, unknowns in it and a direction in their units."""
 
 
-def _to_the_onset(ray: _Ray) -> float:
+def _to_the_onset(ray: _Ray, onset: Onset) -> float:
     """Position along a ray at which the margin of the contact that begins to stick vanishes.
 
     A stick that is too short to be counted begins before the sequence changes.
     """
     chart, y, _ = ray
     pieces = chart.shooting.pieces
-    onset = nearest_onset(chart.orbit(y).motion, pieces)
-
     seen: dict[float, float] = {}
 
     def margin(length: float) -> float:
@@ -218,19 +225,24 @@ def _to_the_onset(ray: _Ray) -> float:
     if abs(here) <= SOLVED_TO:
         return 0.0
     # At the onset itself derivatives jump, so that nothing, or another cycle, may be found there.
-    with suppress(*_FAILURES, ZeroDivisionError):
+    with suppress(*_FAILURES):
         near, far = 0.0, _AROUND[0]
         for _ in range(_SECANTS):
-            slope = (margin(far) - seen[near]) / (far - near)
-            near, far = far, far - seen[far] / slope
+            change = margin(far) - seen[near]
+            step = seen[far] * (far - near)
+            # Farther away, the zero is that of another cycle.
+            if not abs(step) <= _FARTHEST * abs(change) or change == 0.0:
+                break
+            near, far = far, far - step / change
             if abs(seen[near]) <= SOLVED_TO:
                 return near
     with suppress(*_FAILURES):
         for far in _AROUND:
             if here * margin(far) < 0.0:
                 zero_between(margin, 0.0, far, here, seen[far])
-                return min(seen, key=lambda length: abs(seen[length]))
-    return min(seen, key=lambda length: abs(seen[length]))
+                break
+    known = [length for length, value in seen.items() if math.isfinite(value)]
+    return min(known, key=lambda length: abs(seen[length]), default=0.0)
 
 
 def _to_the_meeting(ray: _Ray, onward: BeyondCorner) -> float:

@@ -35,6 +35,7 @@ from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubling_near, half_gap
+from stickslip.orbits.branches.rest import shrinks_to_rest
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
     Happening,
@@ -438,6 +439,14 @@ class _Follower:
         what = Happening(
             kind, "the cycle shrinks to an equilibrium", tuple(within(SOLVED_TO, left))
         )
+        rest = None
+        if not smooth:
+            width = self.span[1] - self.span[0]
+            rest = shrinks_to_rest(cycle.closed, self.pieces, self.parameter, width)
+        if rest is not None:
+            value, centre = rest.value, rest.state
+            left = [("force at its threshold", rest.margin), ("motion at rest", rest.moves)]
+            what = replace(what, residuals=tuple(within(SOLVED_TO, left)))
         if born is not None:
             value, centre = born.value, born.equilibrium
             left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]

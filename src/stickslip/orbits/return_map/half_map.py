@@ -99,9 +99,9 @@ def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | 
     ends : (float, float)
         Its range: the equations have the symmetry for all its values.
     """
-    setting = closed.shooting.setting
-    free_to_move = setting.symmetry.shifts.shape[1] or len(setting.cells)
-    if free_to_move or np.any(closed.orbit.shift) or np.any(setting.symmetry.frame or 0.0):
+    symmetry = closed.shooting.setting.symmetry
+    moves = np.any(closed.orbit.shift) or (symmetry.frame is not None and np.any(symmetry.frame))
+    if moves or symmetry.shifts.shape[1] or symmetry.cells.shape[1]:
         return None
     signs = _signs(closed)
     if signs is None or not _maps_equations(closed, signs, free, ends):

@@ -9,7 +9,8 @@ distances.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -127,24 +128,83 @@ def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> 
         if all(_at_smooth_knots(equations, a, b) for a, b in touched):
             kind = KNOT
         return kind, ", ".join(dict.fromkeys(_difference(equations, a, b) for a, b in touched))
+    more = len(after) > len(before)
+    for kind, brief, said in (
+        ("slip back", slips_back, ("sticks where it stops", "slips back before it sticks")),
+        ("stick onset", sticks_once_more, ("sticks at one reversal less", "sticks at one more")),
+    ):
+        own = brief(before, after)
+        if own:
+            return kind, ", ".join(f"contact '{contacts[i]}' {said[more]}" for i in own)
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
 
 
+def slips_back(before: Sequence, after: Sequence) -> list[int]:
+    """Contacts that on one side of a change slip back before they stick, and on the other stick
+    where they stop."""
+    return _brief(before, after, (1, -1, 0))
+
+
+def sticks_once_more(before: Sequence, after: Sequence) -> list[int]:
+    """Contacts that on one side of a change stick at a reversal at which they slip back on the
+    other."""
+    return _brief(before, after, (1, 0, -1))
+
+
+def _brief(before: Sequence, after: Sequence, modes: tuple[int, int, int]) -> list[int]:
+    """The contacts whose brief phases explain a change, each in the second of three modes, or of
+    these with opposite signs."""
+    few, many = sorted((before, after), key=len)
+    opposite = tuple(-m for m in modes)
+
+    def contact(a: ModeAndRegion, b: ModeAndRegion, c: ModeAndRegion) -> int | None:
+        """The one contact whose mode differs between the phases, if it does as wanted."""
+        every = zip(a[0], b[0], c[0], strict=True)
+        own = [i for i, each in enumerate(every) if each in (modes, opposite)]
+        if len(own) != 1 or a[1] != b[1] or b[1] != c[1]:
+            return None
+        others = [tuple(m for i, m in enumerate(s[0]) if i != own[0]) for s in (a, b, c)]
+        return own[0] if others[0] == others[1] == others[2] else None
+
+    found = _vanished(many, few, lambda a, b, c: contact(a, b, c) is not None)
+    contacts = [contact(*phases) for phases in found]
+    return list(dict.fromkeys(c for c in contacts if c is not None))
+
+
 def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, ModeAndRegion]]:
-    """Phases whose removal turns a sequence into the other one, each after the phase that it
-    interrupts.
+    """Phases that interrupt others and whose removal turns a sequence into the other one, each
+    after the phase that it interrupts."""
+    found = _vanished(many, few, lambda before, _, after: before == after)
+    return [(before, phase) for before, phase, _ in found]
+
+
+_Phases = tuple[ModeAndRegion, ModeAndRegion, ModeAndRegion]
+
+
+def _vanished(
+    many: Sequence,
+    few: Sequence,
+    may: Callable[[ModeAndRegion, ModeAndRegion, ModeAndRegion], bool],
+) -> list[_Phases]:
+    """Phases whose removal turns a sequence into the other one, each between its neighbours.
 
     There may be several: a cycle with a symmetry touches a boundary more than once.
+
+    Parameters
+    ----------
+    may : callable
+        Whether a phase may vanish between two others.
     """
-    found: dict[Sequence, list[tuple[ModeAndRegion, ModeAndRegion]]] = {many: []}
+    found: dict[Sequence, list[_Phases]] = {many: []}
     waiting = [many]
     while waiting:
         s = waiting.pop()
         for i, phase in enumerate(s):
-            if len(s) > len(few) and s[i - 1] == s[(i + 1) % len(s)]:
+            around = s[i - 1], phase, s[(i + 1) % len(s)]
+            if len(s) > len(few) and may(*around):
                 rest = _canonical([*s[:i], *s[i + 1 :]])
                 if rest not in found:
-                    found[rest] = [*found[s], (s[i - 1], phase)]
+                    found[rest] = [*found[s], around]
                     waiting.append(rest)
     return found.get(few, [])
 
@@ -203,6 +263,7 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
         margins.append(min(low, key=lambda dip: dip.value).refined()[1])
     for (_, a), (b, _) in itertools.pairwise(found):
         margins += reversals(motion, pieces, a, b, p)
+        margins += stops(motion, pieces, a, b, p)
     return max(min(margins, default=1.0), TINIEST)
 
 
@@ -338,6 +399,26 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
 
 
+def guard_between(
+    motion: Trajectory, piece: Piece, a: int, b: int, switch: int, p: Array, looks: Looks
+) -> Array:
+    """Values of a guard at the nodes between two knots.
+
+    Parameters
+    ----------
+    piece : Piece
+        That of the phase.
+    switch : int
+        That of the guard; of several guards the first.
+    p : array, shape (parameters,)
+    looks : Looks
+        The motion at its nodes.
+    """
+    inside = slice(*np.searchsorted(looks.index, (a, b)))
+    row = motion.knots.state.shape[1] + int(np.flatnonzero(piece.switches == switch)[0])
+    return piece.felt(looks.times[inside], looks.states[inside].T, p)[row]
+
+
 def _rises(values: Array, known: float) -> Array:
     """Values of a guard that exceed rounding errors on both sides, without the first and last
     one."""
@@ -357,20 +438,39 @@ def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> l
     p : array, shape (parameters,)
     """
     k = motion.knots
-    found = []
     before = k.mode[a - 1] if a else k.mode[a]
+    turned = (before * k.mode[b] == -1).nonzero()[0]
+    return [abs(held) for held in _held(motion, pieces, turned, b, p)]
+
+
+def stops(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
+    """Distance from their thresholds of the forces of contacts along lines that begin to stick.
+
+    Parameters
+    ----------
+    a, b : int
+        First knots of a phase, and of the next one.
+    p : array, shape (parameters,)
+    """
+    k = motion.knots
+    before = k.mode[a - 1] if a else k.mode[a]
+    lines = [c.plane == 1 and not c.opens for c in motion.problem.compiled.equations.contacts]
+    stuck = (np.abs(before) == 1) & (k.mode[b] == 0) & np.array(lines, dtype=bool)
+    return [abs(held) for held in _held(motion, pieces, stuck.nonzero()[0], b, p)]
+
+
+def _held(
+    motion: Trajectory, pieces: Pieces, contacts: Array, knot: int, p: Array
+) -> Iterator[float]:
+    """Margins of contacts at a knot if they stick there."""
+    k = motion.knots
     kinks = k.region.shape[1]
-    for c in (before * k.mode[b] == -1).nonzero()[0]:
-        mode = k.mode[b].copy()
+    for c in contacts:
+        mode = k.mode[knot].copy()
         mode[c] = 0
-        try:
-            held = holding(
-                pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p
-            )
-        except ZeroDivisionError:
-            continue
-        found.append(abs(held))
-    return found
+        stuck = pieces(mode, k.region[knot])
+        with suppress(ZeroDivisionError):
+            yield holding(stuck, kinks + int(c), float(k.time[knot]), k.state[knot], p)
 
 
 def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:
