@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 
 _AHEAD = 1e-6  # fraction of the period for the numerical derivative of a rate
+_BRIEF = 2.0  # ratio of the excesses at the ends of a slip above which it is not brief
 
 
 class Way(Enum):
@@ -185,21 +186,27 @@ def _reversing(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
 
 def _slipping_back(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     """The same where the contact slips back before it sticks, and where it sticks at once."""
-    found = segments(motion)
     mode = motion.knots.mode[:, contact]
-    own = [int(mode[a]) for a, _ in found]
-    # The ends of the slips before: what follows may be too short to count.
-    knots = list[int]()
-    for i in range(1, len(found)):
-        turned = own[i - 1] * own[i] == -1
-        stops = own[i] == 0 and abs(own[i - 1]) == 1
-        # The first phase is also the last one.
-        later, earlier = own[i:] + own[1:], own[i - 1 :: -1] + own[-2::-1]
-        turns_to_stick = turned and next((m for m in later if m != own[i]), None) == 0
-        had_turned = next((m for m in earlier if m != own[i - 1]), None) == -own[i - 1]
-        if turns_to_stick or (stops and not had_turned):
-            knots.append(found[i - 1][1])
-    return _excess(motion, pieces, contact, knots)
+    # Modes, and where they begin: at the ends of the phases before, since what follows may be too
+    # short to count. The first phase is also the last one.
+    found = segments(motion)
+    runs = [
+        (int(mode[b]), end) for (a, end), (b, _) in pairwise(found) if int(mode[a]) != int(mode[b])
+    ]
+    margins = list[float]()
+    for i, (own, begin) in enumerate(runs):
+        last, later = runs[i - 1], runs[(i + 1) % len(runs)]
+        if last[0] * own == -1 and later[0] == 0:
+            margins += _excess(motion, pieces, contact, [begin])
+        if abs(last[0]) != 1 or own != 0:
+            continue
+        stops = _excess(motion, pieces, contact, [begin])
+        if runs[i - 2][0] == -last[0]:
+            # After a brief slip back, the excesses at both of its ends are opposite.
+            turns = _excess(motion, pieces, contact, [last[1]])
+            stops = [e for e in stops if not turns or abs(turns[0]) > _BRIEF * abs(e)]
+        margins += stops
+    return margins
 
 
 def _excess(motion: Trajectory, pieces: Pieces, contact: int, knots: Iterable[int]) -> list[float]:
