@@ -35,7 +35,7 @@ from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubling_near, half_gap
-from stickslip.orbits.branches.rest import shrinks_to_rest
+from stickslip.orbits.branches.rest import LEAST_EXPONENT, shrinks_to_rest
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
     Happening,
@@ -91,6 +91,7 @@ _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 _SAME = 1e-6
 _SMALLER = 0.1  # factor on the smallest size while a cycle is not found to vanish, …
 _TINY = 1e-5  # … down to this fraction of the state
+_GROWN = 1.1  # ratio of two sizes that show how they vanish
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -446,7 +447,9 @@ class _Follower:
         if rest is not None:
             value, centre = rest.value, rest.state
             left = [("force at its threshold", rest.margin), ("motion at rest", rest.moves)]
-            what = replace(what, residuals=tuple(within(SOLVED_TO, left)))
+            name, least = "exponent of the size", LEAST_EXPONENT
+            shrinks = Residual(name, self._exponent(stations, value), least, least=True)
+            what = replace(what, residuals=(*within(SOLVED_TO, left), shrinks))
         if born is not None:
             value, centre = born.value, born.equilibrium
             left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]
@@ -484,6 +487,18 @@ class _Follower:
                 value, bent = vanishes_at(known[:2]), vanishes_at(known)
                 return value, abs(bent - value) / (self.span[1] - self.span[0])
         return vanishes_at(known[:2]), math.inf
+
+    def _exponent(self, stations: list[_Station], value: float) -> float:
+        """Exponent with which the sizes of the last cycles vanish with their distance from a value
+        of the parameter."""
+        last = stations[-1]
+        size, left = self._amplitude(last.cycle), abs(last.value - value)
+        for station in reversed(stations[:-1]):
+            grown = self._amplitude(station.cycle) / size
+            if grown > _GROWN:
+                farther = abs(station.value - value) / left if left else math.inf
+                return math.log(grown) / math.log(farther) if farther > 1.0 else 0.0
+        return 0.0
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = cycle.ranges[:, 1] - cycle.ranges[:, 0]

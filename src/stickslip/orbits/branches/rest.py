@@ -3,6 +3,10 @@
 In the limit all contacts stick, and the state is constant. Each slip shrinks to an instant at which
 the force of its contact, as a function of time, touches the threshold. These conditions determine
 the position of rest and the value of the parameter.
+
+At a distance ε from this value the force exceeds the threshold by at most ε, for a time of the
+order √ε: velocities are of the order ε^(3/2), displacements of the order ε². Where friction drops
+at once when a slip begins, slips have a smallest length, and there is no such limit.
 """
 
 from __future__ import annotations
@@ -24,7 +28,12 @@ from stickslip.orbits.return_map.stations import Station, make_station
 _MOST_STEPS = 20
 _SOLVED = 1e-14  # a margin this small, relative to the thresholds, is zero
 _FAR = 0.1  # largest change of the parameter, relative to its range
-_STILL = 1e-9  # largest change of the state during a period of rest, in units of the cycle
+# largest change of the state during a period of rest, in units of the cycle, and at the rates with
+# which a slip would begin
+_STILL, _BEGINS = 1e-9, 1e-6
+LEAST_EXPONENT = 1.4
+"""Smallest exponent with which the sizes of cycles may vanish with the distance from the limit: 3/2
+but for the size of the smallest cycles."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +60,17 @@ class Rest:
 
 @dataclass(frozen=True)
 class _Touch:
-    """A force that touches its threshold: number of its guard, and when, in parts of the period."""
+    """A force that touches its threshold: the slip that follows, number of its guard and of the
+    opposite one, and when, in parts of the period."""
 
+    slip: Piece
     guard: int
     opposite: int
     begin: float
     end: float
 
 
-def shrinks_to_rest(
-    closed: Closed, pieces: Pieces, parameter: str, width: float
-) -> Rest | None:
+def shrinks_to_rest(closed: Closed, pieces: Pieces, parameter: str, width: float) -> Rest | None:
     """The state of rest near a small cycle of a driven system; None if there is none.
 
     Parameters
@@ -80,7 +89,7 @@ def shrinks_to_rest(
         return None
     a, b = found[still[0]]
     stuck = pieces(k.mode[a], k.region[a])
-    touches = _touches(closed, stuck)
+    touches = _touches(closed, pieces, stuck)
     if not touches:
         return None
     p, y = parameter_values(closed.orbit.problem), k.state[b]
@@ -92,7 +101,7 @@ def shrinks_to_rest(
         return None
 
 
-def _touches(closed: Closed, stuck: Piece) -> list[_Touch]:
+def _touches(closed: Closed, pieces: Pieces, stuck: Piece) -> list[_Touch]:
     """The forces that reach their thresholds, from the slips of a cycle; none if it has other
     phases than these and rest."""
     motion = closed.orbit.motion
@@ -114,7 +123,8 @@ def _touches(closed: Closed, stuck: Piece) -> list[_Touch]:
                 return []
             length = float(k.time[b] - k.time[a])
             times = np.array([k.time[a] - length, k.time[b] + length]) - start
-            touches.append(_Touch(int(guard[0]), int(other[0]), *(times / period).tolist()))
+            slip = pieces(k.mode[a], k.region[a])
+            touches.append(_Touch(slip, int(guard[0]), int(other[0]), *(times / period).tolist()))
     return touches
 
 
@@ -138,7 +148,7 @@ def _solved(
         period = setting.turns * setting.clock.period(given)
         place = station.place(xi, shooting.start, p)
         y = place.state
-        margins, rows = list[float](), list[Array]()
+        margins, rows, begins = list[float](), list[Array](), list[float]()
         for touch in touches:
 
             def guard(t: float, touch: _Touch = touch) -> float:
@@ -154,7 +164,9 @@ def _solved(
             margins.append(float(here.value[touch.guard]) / both)
             by_value = slopes[n] + slopes[:n] @ place.by_parameter
             rows.append(np.append(slopes[:n] @ place.directions, width * by_value))
-        moves = np.max(np.abs(piece.rates(ends[0], y, p)) / setting.sizes) * period
+            begin = np.abs(touch.slip.rates(float(least.x), y, p)) / setting.sizes
+            begins.append(float(np.max(begin)) * period)
+        moves = np.max(np.abs(piece.rates(shooting.start, y, p)) / setting.sizes) * period
         worst = max(map(abs, margins))
         if worst <= _SOLVED:
             break
@@ -163,4 +175,6 @@ def _solved(
         value = value + width * float(step[-1])
         if not abs(value - first) <= _FAR * width:
             return None
-    return Rest(value, y, worst, float(moves)) if moves <= _STILL else None
+    if not moves <= _STILL or not max(begins) <= _BEGINS:
+        return None
+    return Rest(value, y, worst, float(moves))

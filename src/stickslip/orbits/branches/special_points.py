@@ -371,9 +371,7 @@ def measured_change(
     if onset is not None:
         margin = onset.margin(chart.orbit(x).motion, chart.shooting.pieces)
         if math.isfinite(margin):
-            return (
-                Residual(RESIDUALS[onset.way], abs(margin), SOLVED_TO, note="of the largest"),
-            )
+            return (Residual(RESIDUALS[onset.way], abs(margin), SOLVED_TO, note="of the largest"),)
     return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
 
 

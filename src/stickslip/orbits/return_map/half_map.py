@@ -164,8 +164,7 @@ def _functions(piece: Piece, t: float, y: Array, p: Array, signs: Array) -> tupl
 
 def _alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
     return all(
-        a.shape == b.shape
-        and bool(np.all(np.abs(a - b) <= _SAME * np.max(np.abs(a), initial=0.0)))
+        a.shape == b.shape and bool(np.all(np.abs(a - b) <= _SAME * np.max(np.abs(a), initial=0.0)))
         for a, b in zip(one, other, strict=True)
     )
 
