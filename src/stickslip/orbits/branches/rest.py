@@ -12,7 +12,7 @@ at once when a slip begins, slips have a smallest length, and there is no such l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -128,53 +128,85 @@ def _touches(closed: Closed, pieces: Pieces, stuck: Piece) -> list[_Touch]:
     return touches
 
 
+class _Conditions(NamedTuple):
+    """The conditions of rest for a position and a value of the parameter.
+
+    Attributes
+    ----------
+    margins : array, shape (touches,)
+        Smallest distances of forces from their thresholds, relative to both thresholds.
+    slopes : array, shape (touches, unknowns)
+    moves, begins : float
+        Changes of the state at the rates of rest, and of the slips where they begin, during a
+        period.
+    """
+
+    state: Array
+    margins: Array
+    slopes: Array
+    moves: float
+    begins: float
+
+
+def _conditions(
+    closed: Closed, station: Station, touches: list[_Touch], xi: Array, given: dict[str, float]
+) -> _Conditions:
+    """The conditions of rest at some coordinates, for some parameters."""
+    shooting, setting = closed.shooting, closed.shooting.setting
+    assert setting.clock is not None
+    piece, start = station.piece, shooting.start
+    p = np.array([given[name] for name in closed.orbit.problem.system.parameters])
+    period = setting.turns * setting.clock.period(given)
+    place = station.place(xi, start, p)
+    y, n = place.state, len(station.origin)
+    margins, slopes, begins = list[float](), list[Array](), list[float]()
+    for touch in touches:
+        t = _least(
+            piece, touch.guard, start + period * touch.begin, start + period * touch.end, y, p
+        )
+        here = piece.leave(t, y, p)
+        both = float(here.value[touch.guard] + here.value[touch.opposite])
+        margins.append(float(here.value[touch.guard]) / both)
+        by_state, by_value = here.slopes[touch.guard, :n] / both, here.slopes[touch.guard, n] / both
+        by_value = by_value + by_state @ place.by_parameter
+        slopes.append(np.append(by_state @ place.directions, by_value))
+        begins.append(float(np.max(np.abs(touch.slip.rates(t, y, p)) / setting.sizes)) * period)
+    moves = float(np.max(np.abs(piece.rates(start, y, p)) / setting.sizes)) * period
+    return _Conditions(y, np.array(margins), np.array(slopes), moves, max(begins))
+
+
+def _least(piece: Piece, guard: int, begin: float, end: float, y: Array, p: Array) -> float:
+    """When a guard is smallest at a constant state."""
+    from scipy.optimize import minimize_scalar
+
+    found: Any = minimize_scalar(
+        lambda t: float(piece.leave(t, y, p).value[guard]),
+        bounds=(begin, end),
+        method="bounded",
+        options={"xatol": FEW_ROUNDINGS * (end - begin)},
+    )
+    return float(found.x)
+
+
 def _solved(
     closed: Closed, station: Station, touches: list[_Touch], parameter: str, width: float
 ) -> Rest | None:
     """Newton's method for the position of rest and the parameter."""
-    from scipy.optimize import minimize_scalar
-
-    shooting, problem = closed.shooting, closed.orbit.problem
-    piece, setting = station.piece, shooting.setting
-    assert setting.clock is not None
-    names = problem.system.parameters
-    first = problem.parameters[parameter]
-    value = first
+    given = dict(closed.orbit.problem.parameters)
+    first = given[parameter]
     xi = np.zeros(station.basis.shape[1])
-    n = len(station.origin)
+    units = np.append(np.ones(len(xi)), width)
+    found = _conditions(closed, station, touches, xi, given)
     for _ in range(_MOST_STEPS):
-        given = {**problem.parameters, parameter: value}
-        p = np.array([given[name] for name in names])
-        period = setting.turns * setting.clock.period(given)
-        place = station.place(xi, shooting.start, p)
-        y = place.state
-        margins, rows, begins = list[float](), list[Array](), list[float]()
-        for touch in touches:
-
-            def guard(t: float, touch: _Touch = touch) -> float:
-                return float(piece.leave(t, y, p).value[touch.guard])
-
-            ends = [shooting.start + part * period for part in (touch.begin, touch.end)]
-            least: Any = minimize_scalar(
-                guard, bounds=ends, method="bounded", options={"xatol": FEW_ROUNDINGS * period}
-            )
-            here = piece.leave(float(least.x), y, p)
-            both = float(here.value[touch.guard] + here.value[touch.opposite])
-            slopes = here.slopes[touch.guard] / both
-            margins.append(float(here.value[touch.guard]) / both)
-            by_value = slopes[n] + slopes[:n] @ place.by_parameter
-            rows.append(np.append(slopes[:n] @ place.directions, width * by_value))
-            begin = np.abs(touch.slip.rates(float(least.x), y, p)) / setting.sizes
-            begins.append(float(np.max(begin)) * period)
-        moves = np.max(np.abs(piece.rates(shooting.start, y, p)) / setting.sizes) * period
-        worst = max(map(abs, margins))
-        if worst <= _SOLVED:
+        if np.max(np.abs(found.margins)) <= _SOLVED:
             break
-        step = np.linalg.lstsq(np.array(rows), -np.array(margins), rcond=None)[0]
+        step = units * np.linalg.lstsq(found.slopes * units, -found.margins, rcond=None)[0]
         xi = xi + step[:-1]
-        value = value + width * float(step[-1])
-        if not abs(value - first) <= _FAR * width:
+        given[parameter] += float(step[-1])
+        if not abs(given[parameter] - first) <= _FAR * width:
             return None
-    if not moves <= _STILL or not max(begins) <= _BEGINS:
+        found = _conditions(closed, station, touches, xi, given)
+    if not found.moves <= _STILL or not found.begins <= _BEGINS:
         return None
-    return Rest(value, y, worst, float(moves))
+    worst = float(np.max(np.abs(found.margins)))
+    return Rest(given[parameter], found.state, worst, found.moves)

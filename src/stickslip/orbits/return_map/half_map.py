@@ -137,8 +137,8 @@ def _maps_equations(closed: Closed, signs: Array, free: str, ends: tuple[float, 
     for part in _PLACES:
         other = {**orbit.problem.parameters, free: ends[0] + part * (ends[1] - ends[0])}
         values.append(np.array([other[name] for name in orbit.problem.system.parameters]))
-        driven = setting.clock is not None
-        periods.append(setting.turns * setting.clock.period(other) if driven else whole)
+        clock = setting.clock
+        periods.append(whole if clock is None else setting.turns * clock.period(other))
     for a, b in segments(motion):
         t = 0.5 * float(k.time[a] + k.time[b])
         later = t + 0.5 * whole if t + 0.5 * whole < k.time[-1] else t - 0.5 * whole
