@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from stickslip import Branch, catalogue, continue_cycle, find_cycle
 from stickslip.orbits.branches.onset import Onset, Way, onsets_between
-from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.return_map.mode_sequence import Sequence, slips_back, sticks_once_more
 
 OSCILLATOR = catalogue.forced_oscillator()
@@ -94,12 +92,3 @@ def test_sequences_tell_the_defining_equation() -> None:
             assert onsets_between(before, after) == ([] if expected is None else [expected])
     assert slips_back(stops, phases(-1, 1, 0, 1, -1, 0)) == [0]
     assert sticks_once_more(phases(-1, 0, 1), stops) == [0]
-
-
-def test_a_bracket_is_not_left_silently() -> None:
-    """Where a function is not finite, neither is the result, without a warning."""
-    with np.errstate(all="raise"):
-        for bad in (math.inf, -math.inf, math.nan):
-            assert math.isnan(zero_between(lambda x, bad=bad: bad, 0.0, 1.0, -1.0, 1.0))
-            assert math.isnan(zero_between(lambda x: x, 0.0, 1.0, bad, 1.0))
-    assert zero_between(lambda x: x**3 - 0.1, 0.0, 1.0, -0.1, 0.9) == pytest.approx(0.1 ** (1 / 3))

@@ -9,6 +9,7 @@ distances.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.model.entries.keys import NORMAL
-from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
+from stickslip.numerics.levels import EPSILON, FEW_ROUNDINGS, TINIEST
+from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import KNOT
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -36,6 +38,7 @@ _IMPACT = 4  # mode of a contact in an impact, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
 # relative increase of a guard on both sides of a minimum that is more than rounding
 _ROUNDED = 1e-6
+_ACCURATE = 0.1  # error of a minimum, in units of the rounding error of the guard
 _FAR = 0.1  # relative minimum of a guard above which it is far from zero
 LOSS = "loss of the cycle"
 
@@ -270,21 +273,22 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
 @dataclass(frozen=True)
 class Dip:
     """A local minimum of a guard: its switch, three times around it, values there, and the guard
-    over time."""
+    and its rate over time."""
 
     switch: int
     times: Array
     values: Array
     scale: float
     guard: Callable[[float], float]
+    rate: Callable[[float], float]
 
     @property
     def value(self) -> float:
         return float(self.values[1]) / self.scale
 
     def refined(self) -> tuple[float, float]:
-        """Time of the minimum, and its value relative to the size of the guard, by successive
-        parabolas through the last three points; only the first parabola if it is far from zero."""
+        """Time of the minimum, and its value relative to the size of the guard: where its rate
+        vanishes; only the parabola through the three points if it is far from zero."""
         t, g = self.times, self.values
         first, second = np.diff(g) / np.diff(t)
         bend = (second - first) / (t[2] - t[0])
@@ -292,22 +296,23 @@ class Dip:
         least = float(g[1]) - float(slope**2 / (4.0 * bend)) if bend > 0.0 else float(g[1])
         if least > _FAR * self.scale:
             return float(t[1]), least / self.scale
-        for _ in range(5):
-            (a, b, c), (fa, fb, fc) = t, g
-            up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
-            if up == down:
-                break
-            best = b - 0.5 * ((b - a) * up - (b - c) * down) / (up - down)
-            if not a < best < c or best == b:
-                break
-            value = self.guard(best)
-            t, g = np.append(t, best), np.append(g, value)
-            order = np.argsort(t)
-            t, g = t[order], g[order]
-            i = int(np.clip(np.argmin(g), 1, len(g) - 2))
-            t, g = t[i - 1 : i + 2], g[i - 1 : i + 2]
-        i = int(np.argmin(g))
-        return float(t[i]), max(float(g[i]), 0.0) / self.scale
+        ends = [self.rate(float(t[0])), self.rate(float(t[2]))]
+        place = float(t[1])
+        if ends[0] < 0.0 < ends[1]:
+            curvature = (ends[1] - ends[0]) / float(t[2] - t[0])
+
+            def rate(at: float) -> float:
+                found = self.rate(at)
+                # The error of the minimum is of the second order.
+                left = 0.5 * found**2 / curvature
+                return found if left > EPSILON * _ACCURATE * self.scale else 0.0
+
+            place = zero_between(rate, float(t[0]), float(t[2]), *ends)
+        value = self.guard(place) if math.isfinite(place) else math.nan
+        # A guard whose rate jumps has its minimum at one of the points.
+        if not value <= float(g[1]):
+            place, value = float(t[1]), float(g[1])
+        return place, max(value, 0.0) / self.scale
 
 
 @dataclass(frozen=True)
@@ -387,14 +392,19 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest[shared] &= here[shared] > 0.0
 
     def at(row: int, i: int) -> Dip:
-        def guard(t: float) -> float:
+        def state(t: float) -> Array:
             knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-            y = motion.states_at(np.array([t]), np.array([knot]))[0]
-            return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
+            return motion.states_at(np.array([t]), np.array([knot]))[0]
+
+        def guard(t: float) -> float:
+            return float(piece.felt(t, state(t), p)[n + row])  # pyright: ignore[reportArgumentType]
+
+        def rate(t: float) -> float:
+            return float(piece.leave(t, state(t), p).fall[row])
 
         around = slice(i - 1, i + 2)
         switch, scale = int(piece.switches[row]), float(scales[row])
-        return Dip(switch, times[around], guards[row, around], scale, guard)
+        return Dip(switch, times[around], guards[row, around], scale, guard, rate)
 
     return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
 
