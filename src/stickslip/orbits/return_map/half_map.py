@@ -1,21 +1,26 @@
 """Cycles whose second half mirrors the first, as fixed points of half of their return map.
 
-A change of the signs of some components of the state, with a shift by half a period, may map the
-equations onto themselves. For a cycle that it maps onto itself, the half map is the motion over
-half a period, followed by the change of signs; the return map is its square. Where a multiplier of
-the half map is −1, that of the return map is 1 (a branch point), and the equations of the cycle are
-singular; those of the half map are not.
+A change of the signs of some components of the state, measured from a centre, with a shift by half
+a period, may map the equations onto themselves. For a cycle that it maps onto itself, the half map
+is the motion over half a period, followed by the change of signs; the return map is its square.
+Where a multiplier of the half map is −1, that of the return map is 1 (a branch point), and the
+equations of the cycle are singular; those of the half map are not.
 
 Reference: Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, section 7.4.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
+from stickslip.errors import StickslipError
+from stickslip.numerics.levels import FEW_ROUNDINGS, RANK
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
@@ -27,6 +32,8 @@ from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_valu
 # if the cycle is not known less well …
 _MIRRORED = 1e-6
 _LEAST_KNOWN = 1e-3
+_PARTS = (0.2, 0.5, 0.8)  # parts of a phase at which the equations are compared
+_MOST_STEPS = 4  # towards the centre
 # … and of two sides of the equations, relative to their largest value, at …
 _SAME = 1e-9
 # … states that differ from those of the cycle by this part of its size, …
@@ -37,10 +44,23 @@ _PLACES = (0.37, 0.71)
 
 @dataclass(frozen=True)
 class HalfMap:
-    """The half map of cycles; `signs`, shape (n,), are the factors of the components of the
-    state."""
+    """The half map of cycles.
+
+    Attributes
+    ----------
+    signs : array, shape (n,)
+        Factors of the components of the state.
+    centre : array, shape (n,)
+        From where those that change their signs are measured, the same for all parameters of a
+        branch; 0 for the others.
+    """
 
     signs: Array
+    centre: Array
+
+    def mirrored(self, y: Array) -> Array:
+        """The mirror image of states, shape (…, n)."""
+        return self.signs * y + 2.0 * self.centre
 
     def suits(self, shooting: Shooting) -> bool:
         """Return whether a station is after half a period, and positions that contacts keep are
@@ -59,7 +79,7 @@ class HalfMap:
         station, place = shooting.stations[0], orbit.legs[middle].place
         back = station.chart * self.signs
         F, J = orbit.F.copy(), orbit.J.copy()
-        F[home] = station.chart @ (self.signs * place.state - station.origin) - orbit.x[home]
+        F[home] = station.chart @ (self.mirrored(place.state) - station.origin) - orbit.x[home]
         J[home] = 0.0
         J[home, home] = -np.eye(home.stop)
         J[home, own] += back @ place.directions
@@ -103,55 +123,101 @@ def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | 
     moves = np.any(closed.orbit.shift) or (symmetry.frame is not None and np.any(symmetry.frame))
     if moves or symmetry.shifts.shape[1] or symmetry.cells.shape[1]:
         return None
-    signs = _signs(closed)
-    if signs is None or not _maps_equations(closed, signs, free, ends):
+    found = _first_guess(closed)
+    if found is None:
         return None
-    return HalfMap(signs)
+    with np.errstate(all="ignore"), suppress(StickslipError, np.linalg.LinAlgError):
+        pairs = _pairs(closed)
+        found = _centred(found, closed, pairs)
+        return found if _maps_equations(found, closed, pairs, free, ends) else None
+    return None
 
 
-def _signs(closed: Closed) -> Array | None:
-    """Factors of the components in the second half of a period, compared with the first."""
+def _first_guess(closed: Closed) -> HalfMap | None:
+    """Factors and centre by the states in the second half of a period, compared with the first."""
     states = closed.samples(64)
     early, late = np.split(states, 2)
     # A cycle with a multiplier of nearly 1 is known less accurately than it closes.
     near = np.min(np.abs(closed.spectrum.others - 1.0), initial=1.0)
     known = max(_MIRRORED, min(ratio(CLOSED, near), _LEAST_KNOWN))
     known = known * np.maximum(np.ptp(states, axis=0), closed.shooting.setting.sizes)
-    odd = np.max(np.abs(late + early), axis=0) <= known
+    centre = 0.5 * np.mean(late + early, axis=0)
+    odd = np.max(np.abs(late + early - 2.0 * centre), axis=0) <= known
     even = np.max(np.abs(late - early), axis=0) <= known
     if not np.all(odd | even) or not np.any(odd & ~even):
         return None
-    return np.where(odd, -1.0, 1.0)
+    return HalfMap(np.where(odd, -1.0, 1.0), np.where(odd, centre, 0.0))
 
 
-def _maps_equations(closed: Closed, signs: Array, free: str, ends: tuple[float, float]) -> bool:
-    """Return whether the equations have the symmetry, in every phase of a cycle and around it."""
-    shooting, orbit = closed.shooting, closed.orbit
-    motion, pieces = orbit.motion, shooting.pieces
+class _Pair(NamedTuple):
+    """A state in a phase of a cycle, with a time, and the pieces there and half a period later."""
+
+    time: float
+    state: Array
+    here: Piece
+    later: Piece
+
+
+def _pairs(closed: Closed) -> list[_Pair]:
+    """Some states of every phase."""
+    motion, pieces = closed.orbit.motion, closed.shooting.pieces
     k = motion.knots
-    setting = shooting.setting
+    half = 0.5 * float(closed.orbit.period)
+
+    def step(t: float) -> int:
+        return min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
+
+    found = list[_Pair]()
+    for (a, b), part in product(segments(motion), _PARTS):
+        t = float(k.time[a]) + part * float(k.time[b] - k.time[a])
+        there = step(t + half if t + half < k.time[-1] else t - half)
+        here, later = (pieces(k.mode[i], k.region[i]) for i in (a, there))
+        y = motion.states_at(np.array([t]), np.array([step(t)]))[0]
+        found.append(_Pair(t, y, here, later))
+    return found
+
+
+def _centred(half: HalfMap, closed: Closed, pairs: list[_Pair]) -> HalfMap:
+    """The same map with the centre about which the rates have the symmetry."""
+    p = parameter_values(closed.orbit.problem)
+    n = len(half.signs)
+    wait = 0.5 * float(closed.orbit.period)
+    units = np.where(half.signs < 0.0, closed.shooting.setting.sizes, 0.0)
+    for _ in range(_MOST_STEPS):
+        gaps, slopes = list[Array](), list[Array]()
+        for t, y, here, later in pairs:
+            mirror = half.mirrored(y)
+            gaps.append(later.rates(t + wait, mirror, p) - half.signs * here.rates(t, y, p))
+            J = later.jacobian(np.array([t + wait]), mirror[:, None], p)[0][:, :n]
+            slopes.append(2.0 * J * units)
+        step = np.linalg.lstsq(np.vstack(slopes), -np.concatenate(gaps), rcond=RANK)[0]
+        half = replace(half, centre=half.centre + units * step)
+        if np.max(np.abs(step)) <= FEW_ROUNDINGS:
+            break
+    return half
+
+
+def _maps_equations(
+    half: HalfMap, closed: Closed, pairs: list[_Pair], free: str, ends: tuple[float, float]
+) -> bool:
+    """Return whether the equations have the symmetry, in every phase of a cycle and around it."""
+    setting, problem = closed.shooting.setting, closed.orbit.problem
     random = np.random.default_rng(0)
-    whole = float(orbit.period)
-    values = [parameter_values(orbit.problem)]
-    periods = [whole]
+    whole = float(closed.orbit.period)
+    places = [(parameter_values(problem), whole)]
     for part in _PLACES:
-        other = {**orbit.problem.parameters, free: ends[0] + part * (ends[1] - ends[0])}
-        values.append(np.array([other[name] for name in orbit.problem.system.parameters]))
+        given = {**problem.parameters, free: ends[0] + part * (ends[1] - ends[0])}
+        p = np.array([given[name] for name in problem.system.parameters])
         clock = setting.clock
-        periods.append(whole if clock is None else setting.turns * clock.period(other))
-    for a, b in segments(motion):
-        t = 0.5 * float(k.time[a] + k.time[b])
-        later = t + 0.5 * whole if t + 0.5 * whole < k.time[-1] else t - 0.5 * whole
-        there = min(int(np.searchsorted(k.time, later, side="right")) - 1, len(k.time) - 2)
-        one, other = (pieces(k.mode[i], k.region[i]) for i in (a, there))
-        y = motion.states_at(np.array([t]), np.array([_step(k.time, t)]))[0]
-        y = y + _JITTER * setting.sizes * random.uniform(-1.0, 1.0, len(y))
-        for p, period in zip(values, periods, strict=True):
+        places.append((p, whole if clock is None else setting.turns * clock.period(given)))
+    same = np.ones(len(half.signs))
+    for t, state, here, later in pairs:
+        y = state + _JITTER * setting.sizes * random.uniform(-1.0, 1.0, len(state))
+        for p, period in places:
             now = t * period / whole
-            if not _alike(
-                _functions(one, now, y, p, signs),
-                _functions(other, now + 0.5 * period, signs * y, p, np.ones(len(y))),
-            ):
+            one = _functions(here, now, y, p, half.signs)
+            other = _functions(later, now + 0.5 * period, half.mirrored(y), p, same)
+            if not _alike(one, other):
                 return False
     return True
 
@@ -167,7 +233,3 @@ def _alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
         a.shape == b.shape and bool(np.all(np.abs(a - b) <= _SAME * np.max(np.abs(a), initial=0.0)))
         for a, b in zip(one, other, strict=True)
     )
-
-
-def _step(time: Array, t: float) -> int:
-    return min(int(np.searchsorted(time, t, side="right")) - 1, len(time) - 2)
