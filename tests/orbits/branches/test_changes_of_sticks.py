@@ -9,7 +9,12 @@ import pytest
 
 from stickslip import Branch, catalogue, continue_cycle, find_cycle
 from stickslip.orbits.branches.onset import Onset, Way, onsets_between
-from stickslip.orbits.return_map.mode_sequence import Sequence, slips_back, sticks_once_more
+from stickslip.orbits.return_map.mode_sequence import (
+    Sequence,
+    _exchanged,
+    slips_back,
+    sticks_once_more,
+)
 
 OSCILLATOR = catalogue.forced_oscillator()
 
@@ -72,6 +77,17 @@ def test_cycles_that_shrink_to_rest(omega: float, force: float) -> None:
 def phases(*modes: int) -> Sequence:
     """The phases of a cycle with one contact."""
     return tuple(((mode,), ()) for mode in modes)
+
+
+def test_events_that_exchange_their_order() -> None:
+    """Two contacts: one begins to stick before the other, or after it."""
+    first = (((1, 1), ()), ((0, 1), ()), ((0, 0), ()), ((1, 0), ()))
+    second = (((1, 1), ()), ((1, 0), ()), ((0, 0), ()), ((1, 0), ()))
+    assert not onsets_between(first, second)
+    assert _exchanged(first, second)
+    assert _exchanged(first[1:] + first[:1], second)
+    assert not _exchanged(first, first)
+    assert not _exchanged(first, (first[0], second[1], first[3], first[2]))
 
 
 def test_sequences_tell_the_defining_equation() -> None:

@@ -2,8 +2,8 @@
 vanishing phases.
 
 Along a branch, a guard may decrease to zero inside a phase, the duration of a phase may decrease to
-zero, or a contact may begin to stick at a reversal. The sequence changes at the first zero of these
-distances.
+zero, or a contact may begin to stick at a reversal, or to slip back where it stops. The sequence
+changes at the first zero of these distances.
 """
 
 from __future__ import annotations
@@ -139,7 +139,23 @@ def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> 
         own = brief(before, after)
         if own:
             return kind, ", ".join(f"contact '{contacts[i]}' {said[more]}" for i in own)
+    if _exchanged(before, after):
+        return "sequence change", "two events exchange their order"
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
+
+
+def _exchanged(before: Sequence, after: Sequence) -> bool:
+    """Return whether two sequences differ only in phases whose neighbours are the same: the events
+    at both ends of each exchange their order."""
+    n = len(before)
+    if n != len(after) or n < 3:
+        return False
+    for i in range(n):
+        turned = after[i:] + after[:i]
+        differ = [a != b for a, b in zip(before, turned, strict=True)]
+        if any(differ) and not any(d and differ[j - 1] for j, d in enumerate(differ)):
+            return True
+    return False
 
 
 def slips_back(before: Sequence, after: Sequence) -> list[int]:
