@@ -148,12 +148,11 @@ def continue_cycle(
 
         - ``"fold"`` (with a note at a corner of the branch), ``"period doubling"``,
           ``"torus"``, ``"branch point"``;
-        - ``"stick onset"`` (a contact begins or ceases to stick), ``"slip back"`` (before it sticks,
-          a contact begins or ceases to slip back), ``"grazing"`` (a phase
-          appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
-          then on sticks throughout at a constant position), ``"knot"`` (the same at a knot of a
-          smooth table), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a
-          change);
+        - ``"stick onset"`` (a contact begins or ceases to stick), ``"slip back"`` (a contact begins
+          or ceases to slip back before it sticks), ``"grazing"`` (a phase appears where a boundary
+          is touched), ``"slip onset"`` (a contact begins to slip, or from then on sticks throughout
+          at a constant position), ``"knot"`` (a phase appears at a knot of a smooth table),
+          ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 
