@@ -134,8 +134,10 @@ class Chart:
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
+        if self.half is not None:
+            return self.half.equations(self.shooting, x)
         orbit = self.orbit(x)
-        return self.half.equations(self.shooting, orbit) if self.half else (orbit.F, orbit.J)
+        return orbit.F, orbit.J
 
     def orbit(self, x: Array) -> Orbit:
         """The orbit of given unknowns."""
@@ -383,7 +385,9 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     orbit = chart.orbit(x)
     begin = best_start(shooting, orbit)
     closed, extent = chart.closed(x), chart.extent
-    half = chart.half and half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    half = chart.half
+    if half is not None:
+        half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high), half)
     count = stations_for(shooting, orbit) if chart.half is None or half else 1
     there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
     new = there.shooting

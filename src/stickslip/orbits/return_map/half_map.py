@@ -53,10 +53,13 @@ class HalfMap:
     centre : array, shape (n,)
         From where those that change their signs are measured, the same for all parameters of a
         branch; 0 for the others.
+    pairs : frozenset of (Piece, Piece)
+        Phases, and those half a period later, in which the equations have the symmetry.
     """
 
     signs: Array
     centre: Array
+    pairs: frozenset[tuple[Piece, Piece]] = frozenset()
 
     def mirrored(self, y: Array) -> Array:
         """The mirror image of states, shape (…, n)."""
@@ -71,16 +74,15 @@ class HalfMap:
         )
         return odd and shooting.stations[self._middle(shooting)].part == 0.5
 
-    def equations(self, shooting: Shooting, orbit: Orbit) -> tuple[Array, Array]:
+    def equations(self, shooting: Shooting, x: Array) -> tuple[Array, Array]:
         """Residual and derivative with the first station at the mirror image of the middle one,
         instead of at the end of the period."""
+        F, J, places = shooting.open_equations(x)
         middle, home = self._middle(shooting), slice(*shooting.first[:2])
         own = slice(*shooting.first[middle : middle + 2])
-        station, place = shooting.stations[0], orbit.legs[middle].place
+        station, place = shooting.stations[0], places[middle]
         back = station.chart * self.signs
-        F, J = orbit.F.copy(), orbit.J.copy()
-        F[home] = station.chart @ (self.mirrored(place.state) - station.origin) - orbit.x[home]
-        J[home] = 0.0
+        F[home] = station.chart @ (self.mirrored(place.state) - station.origin) - x[home]
         J[home, home] = -np.eye(home.stop)
         J[home, own] += back @ place.directions
         J[home, shooting.time] = 0.5 * (back @ place.by_time)
@@ -109,7 +111,9 @@ class HalfMap:
         return len(shooting.stations) // 2
 
 
-def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | None:
+def half_map(
+    closed: Closed, free: str, ends: tuple[float, float], before: HalfMap | None = None
+) -> HalfMap | None:
     """The half map of a cycle; None if it has none.
 
     Parameters
@@ -118,18 +122,27 @@ def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | 
         The parameter that changes.
     ends : (float, float)
         Its range: the equations have the symmetry for all its values.
+    before : HalfMap, optional
+        That of a neighbour, a solution of whose equations the cycle is.
     """
     symmetry = closed.shooting.setting.symmetry
     moves = np.any(closed.orbit.shift) or (symmetry.frame is not None and np.any(symmetry.frame))
     if moves or symmetry.shifts.shape[1] or symmetry.cells.shape[1]:
         return None
-    found = _first_guess(closed)
+    found = before or _first_guess(closed)
     if found is None:
         return None
     with np.errstate(all="ignore"), suppress(StickslipError, np.linalg.LinAlgError):
-        pairs = _pairs(closed)
-        found = _centred(found, closed, pairs)
-        return found if _maps_equations(found, closed, pairs, free, ends) else None
+        pairs = _pairs(closed, found.pairs)
+        phases = found.pairs | {(pair.here, pair.later) for pair in pairs}
+        candidates = [found]
+        if before is None:
+            # Most centres are exactly 0.
+            home = replace(found, centre=np.zeros(len(found.centre)))
+            candidates = [home, _centred(found, closed, pairs)]
+        for half in candidates:
+            if _maps_equations(half, closed, pairs, free, ends):
+                return replace(half, pairs=phases)
     return None
 
 
@@ -158,8 +171,8 @@ class _Pair(NamedTuple):
     later: Piece
 
 
-def _pairs(closed: Closed) -> list[_Pair]:
-    """Some states of every phase."""
+def _pairs(closed: Closed, known: frozenset[tuple[Piece, Piece]]) -> list[_Pair]:
+    """Some states of every phase that is not known."""
     motion, pieces = closed.orbit.motion, closed.shooting.pieces
     k = motion.knots
     half = 0.5 * float(closed.orbit.period)
@@ -172,6 +185,8 @@ def _pairs(closed: Closed) -> list[_Pair]:
         t = float(k.time[a]) + part * float(k.time[b] - k.time[a])
         there = step(t + half if t + half < k.time[-1] else t - half)
         here, later = (pieces(k.mode[i], k.region[i]) for i in (a, there))
+        if (here, later) in known:
+            continue
         y = motion.states_at(np.array([t]), np.array([step(t)]))[0]
         found.append(_Pair(t, y, here, later))
     return found

@@ -226,6 +226,7 @@ class Shooting:
         self.fixed: Array = self._fixed()
         self._shifted = bool(np.any(setting.moved(self.symmetry, 1.0)))
         self._last: Orbit | None = None
+        self._known: tuple[bytes, dict[int, Leg]] = b"", {}
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
         """The same equations with another free parameter."""
@@ -328,17 +329,13 @@ class Shooting:
         return float(max(gaps))
 
     def _evaluate(self, x: Array) -> Orbit:
-        period = float(x[self.time])
-        if not period > 0.0:
-            raise NoReturn("the period", f"it became {period:g}")
-        problem = with_value(self.problem, self.free, float(x[-1])) if self.free else self.problem
+        problem, period = self._posed(x)
         known = self.known_shift(problem, period)
         shift = known.value + self.symmetry.shifts @ x[self.drifts]
         legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
-        F = np.zeros(len(x) - bool(self.free))
-        J = np.zeros((len(x) - bool(self.free), len(x)))
-        for j in range(len(legs)):
-            self._close(F, J, x, legs, j, shift)
+        F, J = self._empty(x)
+        for j, leg in enumerate(legs):
+            self._close(F, J, x, leg, j, shift)
         # After a period the state is shifted: known shifts by drives, free ones by translations.
         home = slice(*self.first[:2])
         chart = self.stations[0].chart
@@ -347,16 +344,66 @@ class Shooting:
         if self.free:
             J[home, -1] -= chart @ known.by_parameter
         self._hold(F, J, legs)
+        self._fix(F, J, problem, x)
+        return Orbit(x.copy(), problem, period, shift, legs, F, J)
+
+    def open_equations(self, x: Array) -> tuple[Array, Array, list[Place]]:
+        """Residual and derivative without the equations of the first coordinates, which close the
+        last leg; and the states at the stations. The last leg is not computed.
+
+        Raises
+        ------
+        NoReturn
+            If a motion ends early.
+        """
+        problem, period = self._posed(x)
+        p = parameter_values(problem)
+        F, J = self._empty(x)
+        for j in range(len(self.stations) - 1):
+            self._close(F, J, x, self._leg(problem, j, x, period), j, np.zeros(0))
+        self._fix(F, J, problem, x)
+        places = [
+            station.place(x[slice(*self.first[j : j + 2])], self.start + period * station.part, p)
+            for j, station in enumerate(self.stations)
+        ]
+        return F, J, places
+
+    def _posed(self, x: Array) -> tuple[Problem, float]:
+        """The problem with the value of the free parameter, and the period."""
+        period = float(x[self.time])
+        if not period > 0.0:
+            raise NoReturn("the period", f"it became {period:g}")
+        if not self.free:
+            return self.problem, period
+        return with_value(self.problem, self.free, float(x[-1])), period
+
+    def _empty(self, x: Array) -> tuple[Array, Array]:
+        """Space for residual and derivative."""
+        rows = len(x) - bool(self.free)
+        return np.zeros(rows), np.zeros((rows, len(x)))
+
+    def _fix(self, F: Array, J: Array, problem: Problem, x: Array) -> None:
+        """Equations for the period of driven systems, and for phase and position along
+        translations."""
         row = self.time
         if self.symmetry.driven:
             F[row], J[row] = self._clock(problem, x)
             row += 1
+        home = slice(*self.first[:2])
         F[row:] = self.fixed @ x[home]
         J[row:, home] = self.fixed
-        return Orbit(x.copy(), problem, period, shift, legs, F, J)
 
     def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
-        """The motion from a station to the next, with its variation."""
+        """The motion from a station to the next, with its variation; those of the last unknowns are
+        kept."""
+        key = x.tobytes()
+        if self._known[0] != key:
+            self._known = key, {}
+        if j not in self._known[1]:
+            self._known[1][j] = self._new_leg(problem, j, x, period)
+        return self._known[1][j]
+
+    def _new_leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
         station = self.stations[j]
         p = parameter_values(problem)
         end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
@@ -375,12 +422,11 @@ class Shooting:
         rate = change.pieces[-1].rates(times[1], motion.knots.state[-1], p)
         return Leg(station.part, end, place, motion, change, self.pieces, rate)
 
-    def _close(self, F: Array, J: Array, x: Array, legs: list[Leg], j: int, shift: Array) -> None:
+    def _close(self, F: Array, J: Array, x: Array, leg: Leg, j: int, shift: Array) -> None:
         """Equations for the end of a leg at the beginning of the next one, in the rows of the
         coordinates of that station."""
-        target = (j + 1) % len(legs)
-        leg = legs[j]
-        n = len(shift)
+        target = (j + 1) % len(self.stations)
+        n = len(leg.place.state)
         there = self.stations[target]
         rows = slice(*self.first[target : target + 2])
         own = slice(*self.first[j : j + 2])
