@@ -387,7 +387,7 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     closed, extent = chart.closed(x), chart.extent
     half = chart.half
     if half is not None:
-        half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high), half)
+        half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
     count = stations_for(shooting, orbit) if chart.half is None or half else 1
     there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
     new = there.shooting

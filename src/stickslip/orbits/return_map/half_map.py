@@ -53,13 +53,10 @@ class HalfMap:
     centre : array, shape (n,)
         From where those that change their signs are measured, the same for all parameters of a
         branch; 0 for the others.
-    pairs : frozenset of (Piece, Piece)
-        Phases, and those half a period later, in which the equations have the symmetry.
     """
 
     signs: Array
     centre: Array
-    pairs: frozenset[tuple[Piece, Piece]] = frozenset()
 
     def mirrored(self, y: Array) -> Array:
         """The mirror image of states, shape (…, n)."""
@@ -111,9 +108,7 @@ class HalfMap:
         return len(shooting.stations) // 2
 
 
-def half_map(
-    closed: Closed, free: str, ends: tuple[float, float], before: HalfMap | None = None
-) -> HalfMap | None:
+def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | None:
     """The half map of a cycle; None if it has none.
 
     Parameters
@@ -122,27 +117,19 @@ def half_map(
         The parameter that changes.
     ends : (float, float)
         Its range: the equations have the symmetry for all its values.
-    before : HalfMap, optional
-        That of a neighbour, a solution of whose equations the cycle is.
     """
     symmetry = closed.shooting.setting.symmetry
     moves = np.any(closed.orbit.shift) or (symmetry.frame is not None and np.any(symmetry.frame))
     if moves or symmetry.shifts.shape[1] or symmetry.cells.shape[1]:
         return None
-    found = before or _first_guess(closed)
+    found = _first_guess(closed)
     if found is None:
         return None
     with np.errstate(all="ignore"), suppress(StickslipError, np.linalg.LinAlgError):
-        pairs = _pairs(closed, found.pairs)
-        phases = found.pairs | {(pair.here, pair.later) for pair in pairs}
-        candidates = [found]
-        if before is None:
-            # Most centres are exactly 0.
-            home = replace(found, centre=np.zeros(len(found.centre)))
-            candidates = [home, _centred(found, closed, pairs)]
-        for half in candidates:
-            if _maps_equations(half, closed, pairs, free, ends):
-                return replace(half, pairs=phases)
+        pairs = _pairs(closed)
+        half = _centred(found, closed, pairs)
+        if _maps_equations(half, closed, pairs, free, ends):
+            return half
     return None
 
 
@@ -171,8 +158,8 @@ class _Pair(NamedTuple):
     later: Piece
 
 
-def _pairs(closed: Closed, known: frozenset[tuple[Piece, Piece]]) -> list[_Pair]:
-    """Some states of every phase that is not known."""
+def _pairs(closed: Closed) -> list[_Pair]:
+    """Some states of every phase."""
     motion, pieces = closed.orbit.motion, closed.shooting.pieces
     k = motion.knots
     half = 0.5 * float(closed.orbit.period)
@@ -185,8 +172,6 @@ def _pairs(closed: Closed, known: frozenset[tuple[Piece, Piece]]) -> list[_Pair]
         t = float(k.time[a]) + part * float(k.time[b] - k.time[a])
         there = step(t + half if t + half < k.time[-1] else t - half)
         here, later = (pieces(k.mode[i], k.region[i]) for i in (a, there))
-        if (here, later) in known:
-            continue
         y = motion.states_at(np.array([t]), np.array([step(t)]))[0]
         found.append(_Pair(t, y, here, later))
     return found
