@@ -29,8 +29,6 @@ CHOSEN = [
     # Branch points: of cycles that stick throughout, and where a branch becomes symmetric.
     ("damper on a hardening spring", 29),
     ("damper on a hardening spring", 50),
-    # A slip back before a stick, near a multiplier of 1.
-    ("driven below resonance", 6),
 ]
 
 # Where a boundary is about to be touched derivatives have no bound.

@@ -127,7 +127,10 @@ def half_map(closed: Closed, free: str, ends: tuple[float, float]) -> HalfMap | 
         return None
     with np.errstate(all="ignore"), suppress(StickslipError, np.linalg.LinAlgError):
         pairs = _pairs(closed)
-        half = _centred(found, closed, pairs)
+        half = replace(found, centre=np.zeros(len(found.centre)))
+        if closed.shooting.setting.held:
+            # The positions that contacts keep determine the centre.
+            half = _centred(found, closed, pairs)
         if _maps_equations(half, closed, pairs, free, ends):
             return half
     return None
