@@ -26,6 +26,8 @@ CHOSEN = [
     # Small cycles that turn back before they are lost, and curves that cross.
     ("driven over dry ground", 16),
     ("damper on a hardening spring", 5002),
+    # Branch points of cycles that stick throughout.
+    ("damper on a hardening spring", 29),
 ]
 
 # Where a boundary is about to be touched derivatives have no bound.

@@ -18,6 +18,7 @@ def test_a_measured_brake() -> None:
     brake = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(brake)
     steady, cycles = brake.branches()
+    assert cycles.certificate.ok, cycles.certificate.describe()
     curve = brake.boundary(steady)
     assert curve.certificate.ok
     slopes = [brake.brake.evaluate(f"d_mu({V!r})") for V in curve.points["V"].values.tolist()]

@@ -68,11 +68,15 @@ def test_lines_of_a_jenkins_oscillator(F: float) -> None:
     line = damped().line(int(number))
     assert line["omega"].values[[0, -1]] == pytest.approx(SPAN, rel=1e-12)
     grid = np.linspace(*SPAN, POINTS)
+    # At an onset of slip the equations of the oracle have no solution.
+    onsets = np.array([s.value for s in damped().of_kind("slip onset")])
+    beside = np.abs(np.subtract.outer(line["omega"].values, onsets)).min(axis=1) > 1e-9
+    line = line.isel(point=np.flatnonzero(beside))
     for i in np.linspace(0, line.sizes["point"] - 1, 9).astype(int):
         point = line.isel(point=i)
         omega = float(point["omega"])
-        beside = expected(F)[int(np.argmin(np.abs(grid - omega)))]
-        r = response(Jenkins(F=F, omega=omega), beside.start)
+        near = expected(F)[int(np.argmin(np.abs(grid - omega)))]
+        r = response(Jenkins(F=F, omega=omega), near.start)
         wave = complex(point["harmonic"]) * np.exp(1j * float(point["phase"]))
         assert abs(float(point["amplitude"]) / r.amplitude - 1.0) < 1e-10
         assert abs(wave / r.harmonic - 1.0) < 1e-10

@@ -248,6 +248,25 @@ def driven_on_a_hardening_spring(rng: Rng) -> Branching:
 
 
 @family
+def driven_below_resonance(rng: Rng) -> Branching:
+    """Coulomb friction under a slow load: the mass stops more than twice in a period, slips back
+    before it sticks, and comes to rest where friction equals the load. Without damping a
+    multiplier is 1 on the way."""
+    n = {"m": 1.0, "k": 1.0, "phi": 0.0, "F": 1.0, "mu": rng.uniform(0.1, 0.5)}
+    n |= {"c": pick(rng, (0.0, 0.02, 0.1)), "f": pick(rng, (0.0, 0.05, 0.2))}
+    n |= {"omega": rng.uniform(0.15, 0.6)}
+
+    def made(n: Numbers) -> Mechanics:
+        return by_hand("inertial", dict(n), lambda t: n["f"] + n["F"] * cos(n["omega"] * t))
+
+    over = pick(rng, ("omega", "mu"))
+    reach = {"omega": (0.12, 0.9), "mu": (0.05, 1.2)}[over]
+    start = {"x": rng.uniform(-1.0, 1.0), "d_x": rng.uniform(-1.0, 1.0)}
+    system = declared("inertial", WAVE, extra=WAVES)
+    return branching(system, n, start, (over, reach), made, period=2 * pi / n["omega"])
+
+
+@family
 def damper_on_a_hardening_spring(rng: Rng) -> Branching:
     """A damper of a spring and a dry contact in series: folds, and onsets of slip."""
     n = {"k": 1.0, "c": log_uniform(rng, 0.05, 0.2), "j": rng.uniform(0.1, 0.8), "mu": 1.0}

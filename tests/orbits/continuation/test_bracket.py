@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
-from stickslip.orbits.continuation.bracket import zero_near
+from stickslip.orbits.continuation.bracket import zero_between, zero_near
 
 
 @pytest.mark.parametrize(
@@ -36,3 +37,12 @@ def test_zero_near(
 def test_errors_are_passed_on() -> None:
     with pytest.raises(ZeroDivisionError):
         zero_near(lambda x: 1.0 / (x - 1.0), 0.0, 1.0)
+
+
+def test_a_bracket_is_not_left_silently() -> None:
+    """Where a function is not finite, neither is the result, without a warning."""
+    with np.errstate(all="raise"):
+        for bad in (math.inf, -math.inf, math.nan):
+            assert math.isnan(zero_between(lambda x, bad=bad: bad, 0.0, 1.0, -1.0, 1.0))
+            assert math.isnan(zero_between(lambda x: x, 0.0, 1.0, bad, 1.0))
+    assert zero_between(lambda x: x**3 - 0.1, 0.0, 1.0, -0.1, 0.9) == pytest.approx(0.1 ** (1 / 3))

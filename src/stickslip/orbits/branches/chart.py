@@ -3,6 +3,7 @@ along the branch."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -14,13 +15,15 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.branches.halving import half_gap
 from stickslip.orbits.continuation.arclength import Outgrown, curve_between
-from stickslip.orbits.continuation.corrector import correct
+from stickslip.orbits.continuation.bracket import zero_near
+from stickslip.orbits.continuation.corrector import Lost, correct, correct_at
 from stickslip.orbits.continuation.path import Point, Test
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
 from stickslip.orbits.return_map.following import flies, follow_state
+from stickslip.orbits.return_map.half_map import HalfMap, half_map
 from stickslip.orbits.return_map.held import Held, held_positions, same_held
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
 from stickslip.orbits.return_map.shooting import Orbit, Shooting, parameter_values
@@ -41,6 +44,9 @@ _VANISHED = 5e-3
 # a cycle whose halves differ by this part of its size is about to become one of half its period
 _HALVED = 2e-2
 _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows without bound
+# tolerance of a branch point, distance to a second place of its search, and its largest distance
+# from the crossing of the branch, the latter two as fractions of the range
+_FINE, _BESIDE, _CROSSES = 1e-11, 1e-6, 1e-4
 _NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
@@ -113,17 +119,23 @@ class Chart:
     ----------
     shooting : Shooting
         With a free parameter.
+    half : HalfMap or None
+        If the second halves of the cycles mirror the first: then its equations are solved, which
+        are regular where the cycles lose this symmetry.
     candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
     extent: Extent
+    half: HalfMap | None = None
     candidates: dict[bytes, Closed] = field(default_factory=dict)
     cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
+        if self.half is not None:
+            return self.half.equations(self.shooting, x)
         orbit = self.orbit(x)
         return orbit.F, orbit.J
 
@@ -181,9 +193,12 @@ class Chart:
         """The same coordinates, with other positions of rest."""
         old = self.shooting
         setting = replace(self.shooting.setting, held=held)
-        return Chart(
-            Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
-        )
+        new = Shooting(old.problem, old.pieces, old.stations, old.start, setting)
+        return Chart(new, self.extent, _suited(self.half, new))
+
+    def without_half_map(self) -> Chart:
+        """The same coordinates for cycles whose halves differ."""
+        return Chart(self.shooting, self.extent)
 
     @property
     def on_edge(self) -> bool:
@@ -218,12 +233,21 @@ class Chart:
         return {
             "fold": slope,
             **spectral_tests(closed.spectrum.others, slope),
+            **({"branch point": self.leaves_symmetry(orbit)} if self.half else {}),
             "amplitude": amplitude / extent.least - 1.0,
             "halving": half_gap(closed) / extent.halved - 1.0,
             "growth": 1.0 - amplitude / extent.largest,
             "period": 1.0 - orbit.period / (_UNBOUNDED * extent.period),
             "carried": self.carried(x, tangent),
         }
+
+    def leaves_symmetry(self, orbit: Orbit) -> float:
+        """A function that vanishes where a multiplier of the half map is −1; 1 without such a
+        map."""
+        if self.half is None:
+            return 1.0
+        found = self.half.multipliers(self.shooting, orbit)
+        return float(np.prod((1.0 + found) / (1.0 + np.abs(found))).real)
 
     def check(self, orbit: Orbit) -> None:
         """Check that an orbit is a cycle of this chart.
@@ -257,8 +281,16 @@ class Chart:
                 raise Outgrown("the motion is tangent to its section")
 
 
-def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
-    """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
+def first_chart(
+    closed: Closed, pieces: Pieces, extent: Extent, halves: bool = False
+) -> tuple[Chart, Array]:
+    """A chart around a cycle, with the free parameter of the pieces, and its unknowns.
+
+    Parameters
+    ----------
+    halves : bool
+        Whether the half map is used if there is one.
+    """
     problem = closed.orbit.problem
     # A closed form is made for one set of parameters; here every motion has its own.
     exact = flies(closed.orbit.motion)
@@ -268,8 +300,67 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
     general = replace(problem, exact=exact, boxes=boxes)
     shooting = closed.shooting.with_pieces(pieces, general)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[free]))
-    new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
-    return Chart(new, extent), x
+    found = Closed(shooting, orbit)
+    half = half_map(found, free, (extent.low, extent.high)) if halves else None
+    count = len(shooting.stations)
+    return _restarted(found, count, chart_sizes(closed, extent), extent, half)
+
+
+def _restarted(
+    closed: Closed, count: int, sizes: Array, extent: Extent, half: HalfMap | None
+) -> tuple[Chart, Array]:
+    """A chart around the best state of a cycle, and its unknowns; for a half map, the number of
+    stations is even."""
+    shooting, orbit = closed.shooting, closed.orbit
+    count += count % 2 if half else 0
+    new, x = restarted(shooting, orbit, count, sizes)
+    return Chart(new, extent, _suited(half, new)), x
+
+
+def symmetric_branch_point(chart: Chart, x: Array) -> Cycle | None:
+    """The cycle at which a branch of cycles whose halves differ crosses one of cycles whose halves
+    mirror each other, solved on the latter; None if there is none nearby.
+
+    Parameters
+    ----------
+    x : array
+        Unknowns near it.
+    """
+    if chart.half is not None:
+        return None
+    shooting, closed, extent = chart.shooting, chart.closed(x), chart.extent
+    half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    count = stations_for(shooting, closed.orbit)
+    there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
+    if there.half is None:
+        return None
+    near = there
+    units = near.scale(y)
+
+    def excess(value: float) -> float:
+        nonlocal y
+        guess = np.append(y[:-1], value)
+        y = correct_at(near, guess, units, len(y) - 1, value, _FINE)
+        return near.leaves_symmetry(near.orbit(y))
+
+    known, width = float(y[-1]), extent.high - extent.low
+    beside = known + math.copysign(_BESIDE * width, 0.5 * (extent.low + extent.high) - known)
+    with suppress(Lost, StickslipError, ArithmeticError, np.linalg.LinAlgError):
+        here = excess(known)
+        slope = (excess(beside) - here) / (beside - known)
+        if abs(here) > _CROSSES * width * abs(slope):
+            return None
+        value = zero_near(excess, known, known - (here / slope if slope else 0.0))
+        if value is None:
+            return None
+        excess(value)
+        return near.cycle(y) if extent.low <= value <= extent.high else None
+    return None
+
+
+def _suited(half: HalfMap | None, shooting: Shooting) -> HalfMap | None:
+    """The half map, if it can be solved with these stations."""
+    return half if half and half.suits(shooting) else None
 
 
 def spectral_tests(multipliers: Array, slope: float) -> dict[str, float]:
@@ -293,9 +384,13 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     shooting = chart.shooting
     orbit = chart.orbit(x)
     begin = best_start(shooting, orbit)
-    new, y = restarted(
-        shooting, orbit, stations_for(shooting, orbit), chart_sizes(chart.closed(x), chart.extent)
-    )
+    closed, extent = chart.closed(x), chart.extent
+    half = chart.half
+    if half is not None:
+        half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    count = stations_for(shooting, orbit) if chart.half is None or half else 1
+    there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
+    new = there.shooting
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
     # The clock may be put back by whole periods, and these change along the branch, too.
@@ -311,7 +406,7 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     towards = np.zeros(len(y))
     towards[: len(xi)] = xi
     towards[new.time :] = tangent[shooting.time :]
-    return Chart(new, chart.extent), y, towards
+    return there, y, towards
 
 
 def chart_sizes(closed: Closed, extent: Extent) -> Array:

@@ -11,6 +11,7 @@ other problem fixes its rest position to that at the corner.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
@@ -21,10 +22,15 @@ from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
-from stickslip.orbits.branches.onset import nearest_onset
-from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
+from stickslip.orbits.branches.onset import Onset
+from stickslip.orbits.branches.special_points import (
+    HIDDEN,
+    Happening,
+    measured_change,
+    onset_near,
+    turning,
+)
 from stickslip.orbits.continuation.arclength import direction
-from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.continuation.corrector import NOT_DEFINED, Lost, correct
 from stickslip.orbits.continuation.path import Point
@@ -58,6 +64,9 @@ _DIRECTIONS = 3  # number of directions that are tried sequentially
 _HELD_TO = 10.0 * HELD  # largest gap of cycles on which a contact is carried along
 # positions along a ray at which the onset of a stick is searched for
 _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
+_FARTHEST = 1e-6  # largest distance of the onset from the change of the sequence
+# parts of a secant step that are tried one after the other
+_PARTS = (1.0, 0.9, 0.75)
 _SECANTS = 3  # initial secant steps towards it
 # factor on the distance beyond a corner at which slip in both directions is tested
 _FURTHER = 100.0
@@ -167,13 +176,14 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
     rays = (chart, x, tangent), (there, y, towards)
     cycle = None
-    if kind == "stick onset":
+    onset = None if edge is not None else onset_near(there, y, here, after)
+    if onset is not None:
         with suppress(*_FAILURES):
-            y = _along(rays[1], _to_the_onset(rays[1]))
+            y = _at_onset(rays[1], onset)
             cycle = there.cycle(y)
     if onward is not None and not onward.gap(y, chart.on_edge).ok:
         # A phase that is too short to count ends before the point where both sides meet.
-        if kind != "stick onset":
+        if onset is None:
             with suppress(*_FAILURES):
                 x, y = _moved(rays, _to_the_meeting(rays[1], onward))
         if edge is None and not onward.gap(y, chart.on_edge).ok:
@@ -182,7 +192,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         # Just beyond, a phase may have vanished whose symmetric counterpart becomes too short
         # slightly later.
         kind, note = change_of(equations, here, sequence(onward.chart.orbit(onward.x).motion))
-    residuals = measured_change(there, y, kind, min(distance, left))
+    residuals = measured_change(there, y, onset, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)
         if gap.ok:
@@ -199,38 +209,56 @@ _Ray = tuple[Chart, Array, Array]
 """A chart, unknowns in it and a direction in their units."""
 
 
-def _to_the_onset(ray: _Ray) -> float:
-    """Position along a ray at which the margin of the contact that begins to stick vanishes.
+def _at_onset(ray: _Ray, onset: Onset) -> Array:
+    """The cycle near the start of a ray at which the margin of the contact that begins to stick
+    vanishes.
 
-    A stick that is too short to be counted begins before the sequence changes.
+    A stick that is too short to be counted begins before the sequence changes. At the onset itself
+    derivatives jump, and the branch may turn back, so that no cycle is found on one of its sides.
     """
     chart, y, _ = ray
-    pieces = chart.shooting.pieces
-    onset = nearest_onset(chart.orbit(y).motion, pieces)
+    seen: dict[float, tuple[float, Array]] = {}
 
-    seen: dict[float, float] = {}
+    def margin(x: Array) -> float:
+        return onset.margin(chart.orbit(x).motion, chart.shooting.pieces)
 
-    def margin(length: float) -> float:
-        seen[length] = onset.margin(chart.orbit(_along(ray, length)).motion, pieces)
-        return seen[length]
+    def look(length: float) -> None:
+        """Solve for a cycle, if there is one, and evaluate its margin."""
+        with suppress(*_FAILURES):
+            x = _along(ray, length)
+            value = margin(x)
+            if math.isfinite(value):
+                seen[length] = value, x
 
-    here = margin(0.0)
-    if abs(here) <= SOLVED_TO:
-        return 0.0
-    # At the onset itself derivatives jump, so that nothing, or another cycle, may be found there.
-    with suppress(*_FAILURES, ZeroDivisionError):
-        near, far = 0.0, _AROUND[0]
+    def nearest() -> list[float]:
+        return sorted(seen, key=lambda length: abs(seen[length][0]))
+
+    def solved() -> bool:
+        return bool(seen) and abs(seen[nearest()[0]][0]) <= SOLVED_TO
+
+    for place in (0.0, *_AROUND):
+        look(place)
         for _ in range(_SECANTS):
-            slope = (margin(far) - seen[near]) / (far - near)
-            near, far = far, far - seen[far] / slope
-            if abs(seen[near]) <= SOLVED_TO:
-                return near
-    with suppress(*_FAILURES):
-        for far in _AROUND:
-            if here * margin(far) < 0.0:
-                zero_between(margin, 0.0, far, here, seen[far])
-                return min(seen, key=lambda length: abs(seen[length]))
-    return min(seen, key=lambda length: abs(seen[length]))
+            if len(seen) < 2 or solved():
+                break
+            a, b = nearest()[:2]
+            change = seen[a][0] - seen[b][0]
+            step = seen[a][0] * (a - b)
+            # Farther away, the zero is that of another cycle.
+            if change == 0.0 or not abs(step) <= _FARTHEST * abs(change):
+                break
+            for part in _PARTS:
+                look(a - part * step / change)
+                if a != nearest()[0]:
+                    break
+            if a == nearest()[0]:
+                break
+        if solved():
+            break
+    own = margin(y)
+    if not seen or abs(own) < abs(seen[nearest()[0]][0]):
+        return y
+    return seen[nearest()[0]][1]
 
 
 def _to_the_meeting(ray: _Ray, onward: BeyondCorner) -> float:
@@ -402,7 +430,7 @@ def _onward(
     there, excluding the way back."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
-    rows = chart.orbit(trial).J * units
+    rows = chart(trial)[1] * units
     # The tangent beyond the corner is the null vector of the equations of the other sequence,
     # evaluated at a trial point, since they are not defined at the corner itself.
     null = np.linalg.svd(ratio(rows, np.max(np.abs(rows), axis=1, keepdims=True)))[2][-1]

@@ -29,11 +29,13 @@ from stickslip.orbits.branches.chart import (
     extent_of,
     first_chart,
     renewed,
+    symmetric_branch_point,
 )
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.cycles_along import TWICE, Spacing, dataset, of_branch
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubling_near, half_gap
+from stickslip.orbits.branches.rest import LEAST_EXPONENT, shrinks_to_rest
 from stickslip.orbits.branches.special_points import (
     NOT_SMOOTH,
     Happening,
@@ -89,6 +91,7 @@ _SMOOTH = frozenset({"fold", "period doubling", "torus", "branch point"})
 _SAME = 1e-6
 _SMALLER = 0.1  # factor on the smallest size while a cycle is not found to vanish, …
 _TINY = 1e-5  # … down to this fraction of the state
+_GROWN = 1.1  # ratio of two sizes that show how they vanish
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -145,11 +148,11 @@ def continue_cycle(
 
         - ``"fold"`` (with a note at a corner of the branch), ``"period doubling"``,
           ``"torus"``, ``"branch point"``;
-        - ``"stick onset"`` (a contact begins or ceases to stick), ``"grazing"`` (a phase
-          appears where a boundary is touched), ``"slip onset"`` (a contact begins to slip, or from
-          then on sticks throughout at a constant position), ``"knot"`` (the same at a knot of a
-          smooth table), ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a
-          change);
+        - ``"stick onset"`` (a contact begins or ceases to stick), ``"slip back"`` (a contact begins
+          or ceases to slip back before it sticks), ``"grazing"`` (a phase appears where a boundary
+          is touched), ``"slip onset"`` (a contact begins to slip, or from then on sticks throughout
+          at a constant position), ``"knot"`` (a phase appears at a knot of a smooth table),
+          ``"sequence change"`` (any other), ``"loss of the cycle"`` (it ends at a change);
         - ``"Hopf"`` and ``"boundary equilibrium"`` (the cycle shrinks to an equilibrium inside a
           mode or on its boundary).
 
@@ -211,7 +214,7 @@ class _Follower:
         def onward(start: Start[Chart], path: Path) -> Start[Chart] | Ending:
             return self._onward(stations, start, path)
 
-        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
+        chart, x = first_chart(self.cycle.closed, self.pieces, self.extent, halves=True)
         towards = np.zeros(len(x))
         towards[-1] = sign
         start = self._start(chart, x, towards, self.steps.first)
@@ -256,6 +259,10 @@ class _Follower:
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
+            if chart.half is not None and path.ended.stop is Stop.LOST and len(path.points) == 1:
+                # Cycles may lose the symmetry of the equations themselves, at a new phase.
+                plain = renewed(chart.without_half_map(), last.x, last.tangent)
+                return self._start(*plain, self.steps.first)
             shortest = CHART_PATIENCE * self.steps.smallest
             if max(step, last.length - path.points[0].length) <= shortest:
                 return path.ended
@@ -290,6 +297,8 @@ class _Follower:
             cycle = chart.cycle(point.x)
             happened = [path.breaks[i].what] if i in path.breaks else []
             here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
+            if any(c.name == "branch point" for c in here):
+                cycle = symmetric_branch_point(chart, point.x) or cycle
             happened += [
                 happening_at(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)
             ]
@@ -431,6 +440,16 @@ class _Follower:
         what = Happening(
             kind, "the cycle shrinks to an equilibrium", tuple(within(SOLVED_TO, left))
         )
+        rest = None
+        if not smooth:
+            width = self.span[1] - self.span[0]
+            rest = shrinks_to_rest(cycle.closed, self.pieces, self.parameter, width)
+        if rest is not None:
+            value, centre = rest.value, rest.state
+            left = [("force at its threshold", rest.margin), ("motion at rest", rest.moves)]
+            name, least = "exponent of the size", LEAST_EXPONENT
+            shrinks = Residual(name, self._exponent(stations, value), least, least=True)
+            what = replace(what, residuals=(*within(SOLVED_TO, left), shrinks))
         if born is not None:
             value, centre = born.value, born.equilibrium
             left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]
@@ -468,6 +487,18 @@ class _Follower:
                 value, bent = vanishes_at(known[:2]), vanishes_at(known)
                 return value, abs(bent - value) / (self.span[1] - self.span[0])
         return vanishes_at(known[:2]), math.inf
+
+    def _exponent(self, stations: list[_Station], value: float) -> float:
+        """Exponent with which the sizes of the last cycles vanish with their distance from a value
+        of the parameter."""
+        last = stations[-1]
+        size, left = self._amplitude(last.cycle), abs(last.value - value)
+        for station in reversed(stations[:-1]):
+            grown = self._amplitude(station.cycle) / size
+            if grown > _GROWN:
+                farther = abs(station.value - value) / left if left else math.inf
+                return math.log(grown) / math.log(farther) if farther > 1.0 else 0.0
+        return 0.0
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = cycle.ranges[:, 1] - cycle.ranges[:, 0]

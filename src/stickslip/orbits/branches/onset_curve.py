@@ -126,8 +126,10 @@ def stick_onset_curve(
             )
     closed = _cycle_at(system, point)
     onset = nearest_onset(closed.orbit.motion, closed.shooting.pieces)
-    margin = onset.margin(closed.orbit.motion, closed.shooting.pieces)
-    if not abs(margin) < _AT_ONSET:
+    margin = np.inf
+    if onset is not None:
+        margin = onset.margin(closed.orbit.motion, closed.shooting.pieces)
+    if onset is None or not abs(margin) < _AT_ONSET:
         raise ConvergenceError(
             f"the onset of stick of {system.name}",
             f"the distance of the cycle from the stick onset is {abs(margin):.2g} of its size",

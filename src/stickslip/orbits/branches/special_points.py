@@ -16,7 +16,7 @@ from stickslip.certificates import Residual
 from stickslip.numerics.levels import BRACKET_LOOKS
 from stickslip.numerics.ratios import ratio
 from stickslip.orbits.branches.chart import Chart
-from stickslip.orbits.branches.onset import nearest_onset
+from stickslip.orbits.branches.onset import RESIDUALS, Onset, nearest_onset, onsets_between
 from stickslip.orbits.continuation.arclength import direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
@@ -117,20 +117,21 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     """A change between two others, or between the ends of a step, with its residual."""
     chart = finder.chart
     kind, note = change_of(chart.shooting.pieces.equations, change.here, change.there)
-    if kind == "stick onset":
-        change = _onset(finder, change)
+    onset = onset_near(chart, change.x, change.here, change.there)
+    if onset is not None:
+        change = _at_onset(finder, change, onset)
     before = _beside(finder, change.place, low, change.here)
     beyond = _beside(finder, change.place, high, change.there)
     x = change.x
     gap, off = _gap(finder, change.place, before, beyond)
-    if kind != "stick onset" and gap > SOLVED_TO and abs(off) <= HIDDEN:
+    if onset is None and gap > SOLVED_TO and abs(off) <= HIDDEN:
         # A phase that is too short to count ends on both sides before the point where they meet.
         x = finder.at(change.place + off)
         gap, _ = _gap(finder, change.place + off, before, beyond)
     if gap > _TOGETHER:
         raise Lost(_APART)
     residuals = (
-        *measured_change(chart, x, kind, change.off),
+        *measured_change(chart, x, onset, change.off),
         Residual("gap between the sides", gap, SOLVED_TO, note="in units of the cycle"),
     )
     return Break(x, before, beyond, Happening(kind, note, residuals))
@@ -167,14 +168,26 @@ def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
     return float(np.linalg.norm(apart)), ratio(-float(apart @ turn), float(turn @ turn))
 
 
-def _onset(finder: _Finder, change: _Passed) -> _Passed:
+def onset_near(chart: Chart, x: Array, here: Sequence, there: Sequence) -> Onset | None:
+    """The onset that explains a change of the sequence, if one does; of several the one nearest to
+    a cycle.
+
+    Parameters
+    ----------
+    x : array
+        Unknowns of the cycle.
+    """
+    among = onsets_between(here, there)
+    return nearest_onset(chart.orbit(x).motion, chart.shooting.pieces, among) if among else None
+
+
+def _at_onset(finder: _Finder, change: _Passed, onset: Onset) -> _Passed:
     """The same change, located by the zero of the continued margin of the onset.
 
     The margin is also defined for a stick that is too short to be counted.
     """
     chart = finder.chart
     pieces = chart.shooting.pieces
-    onset = nearest_onset(chart.orbit(change.x).motion, pieces)
 
     def margin(distance: float) -> float:
         return onset.margin(chart.orbit(finder.at(distance)).motion, pieces)
@@ -187,7 +200,7 @@ def _onset(finder: _Finder, change: _Passed) -> _Passed:
             values = margin(ends[0]), margin(ends[1])
             if values[0] * values[1] < 0.0:
                 place = zero_between(margin, *ends, *values)
-                if abs(margin(place)) < abs(margin(change.place)):
+                if math.isfinite(place) and abs(margin(place)) < abs(margin(change.place)):
                     return replace(change, x=finder.at(place), place=place)
     return change
 
@@ -342,9 +355,11 @@ def vanishes_at(points: list[tuple[float, float]]) -> float:
     return place
 
 
-def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Residual, ...]:
-    """Residual of a change of the sequence: the function that vanishes at the onset of stick, else
-    the distance from the change.
+def measured_change(
+    chart: Chart, x: Array, onset: Onset | None, off: float
+) -> tuple[Residual, ...]:
+    """Residual of a change of the sequence: the function that vanishes at an onset, else the
+    distance from the change.
 
     Parameters
     ----------
@@ -353,13 +368,10 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
     off : float
         Residual of the function that vanishes there, or the width of the bracket of the change.
     """
-    if kind == "stick onset":
-        motion, pieces = chart.orbit(x).motion, chart.shooting.pieces
-        onset = nearest_onset(motion, pieces)
-        margin = onset.margin(motion, pieces)
+    if onset is not None:
+        margin = onset.margin(chart.orbit(x).motion, chart.shooting.pieces)
         if math.isfinite(margin):
-            name = "force at the reversal" if onset.reverses else "smallest slip speed"
-            return (Residual(name, abs(margin), SOLVED_TO, note="of the largest"),)
+            return (Residual(RESIDUALS[onset.way], abs(margin), SOLVED_TO, note="of the largest"),)
     return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
 
 

@@ -21,7 +21,7 @@ def zero_between(
 ) -> float:
     """The zero of a function between two places where it has different signs: by secants at first,
     then by parabolas through the last three places, where these are sure to lie in between, and by
-    halves where not. NaN if the function is.
+    halves where not. NaN where the function is not finite.
 
     Parameters
     ----------
@@ -30,13 +30,15 @@ def zero_between(
     at_a, at_b : float
         What it is there.
     """
+    if not (math.isfinite(at_a) and math.isfinite(at_b)):
+        return math.nan
     finest = max(LAST_DIGITS * abs(b - a), math.ulp(max(abs(a), abs(b))))
     part = at_a / (at_a - at_b)
     nearest = a
     for _ in range(BRACKET_LOOKS):
         x = a + part * (b - a)
         value = function(x)
-        if math.isnan(value):
+        if not math.isfinite(value):
             return math.nan
         # The last place is a, that on the other side of the zero is b, c is the one before.
         if (value > 0.0) == (at_a > 0.0):

@@ -314,17 +314,16 @@ def restarted(
     held = held_positions(motion, shooting.setting.held)
     setting = replace(shooting.setting, sizes=sizes, held=held)
     # Stations that the events around them would put onto one time are one.
-    wanted = [
-        _well_inside(motion, start + float(part) * orbit.period)
-        for part in np.arange(1, count) / count
-    ]
+    # A station that is not moved is at exactly that part of the period.
+    nominal = {start + part * orbit.period: part for part in (np.arange(1, count) / count).tolist()}
+    wanted = [_well_inside(motion, t) for t in nominal]
     stations = []
     for t, i in sorted({(start, 0), *wanted}):
         state = motion.states_at(np.array([t]), np.array([i]))[0]
         piece = shooting.pieces(motion.knots.mode[i], motion.knots.region[i])
         stations.append(
             make_station(
-                (t - start) / orbit.period,
+                nominal.get(t, (t - start) / orbit.period),
                 piece,
                 t,
                 state,

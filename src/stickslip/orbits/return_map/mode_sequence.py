@@ -2,14 +2,16 @@
 vanishing phases.
 
 Along a branch, a guard may decrease to zero inside a phase, the duration of a phase may decrease to
-zero, or a contact may begin to stick at a reversal. The sequence changes at the first zero of these
-distances.
+zero, or a contact may begin to stick at a reversal, or to slip back where it stops. The sequence
+changes at the first zero of these distances.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +19,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.model.entries.keys import NORMAL
-from stickslip.numerics.levels import FEW_ROUNDINGS, TINIEST
+from stickslip.numerics.levels import EPSILON, FEW_ROUNDINGS, TINIEST
+from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import KNOT
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
@@ -35,6 +38,7 @@ _IMPACT = 4  # mode of a contact in an impact, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
 # relative increase of a guard on both sides of a minimum that is more than rounding
 _ROUNDED = 1e-6
+_ACCURATE = 0.1  # error of a minimum, in units of the rounding error of the guard
 _FAR = 0.1  # relative minimum of a guard above which it is far from zero
 LOSS = "loss of the cycle"
 
@@ -127,24 +131,99 @@ def change_of(equations: MotionEquations, before: Sequence, after: Sequence) -> 
         if all(_at_smooth_knots(equations, a, b) for a, b in touched):
             kind = KNOT
         return kind, ", ".join(dict.fromkeys(_difference(equations, a, b) for a, b in touched))
+    more = len(after) > len(before)
+    for kind, brief, said in (
+        ("slip back", slips_back, ("sticks where it stops", "slips back before it sticks")),
+        ("stick onset", sticks_once_more, ("sticks at one reversal less", "sticks at one more")),
+    ):
+        own = brief(before, after)
+        if own:
+            return kind, ", ".join(f"contact '{contacts[i]}' {said[more]}" for i in own)
+    if _exchanged(before, after):
+        return "sequence change", "two events exchange their order"
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
 
 
+def _exchanged(before: Sequence, after: Sequence) -> bool:
+    """Return whether two sequences differ only in phases whose neighbours are the same: the events
+    at both ends of each exchange their order."""
+    n = len(before)
+    if n != len(after) or n < 3:
+        return False
+    for i in range(n):
+        turned = after[i:] + after[:i]
+        differ = [a != b for a, b in zip(before, turned, strict=True)]
+        if any(differ) and not any(d and differ[j - 1] for j, d in enumerate(differ)):
+            return True
+    return False
+
+
+def slips_back(before: Sequence, after: Sequence) -> list[int]:
+    """Contacts that on one side of a change slip back before they stick, and on the other stick
+    where they stop."""
+    return _brief(before, after, (1, -1, 0))
+
+
+def sticks_once_more(before: Sequence, after: Sequence) -> list[int]:
+    """Contacts that on one side of a change stick at a reversal at which they slip back on the
+    other."""
+    return _brief(before, after, (1, 0, -1))
+
+
+def _brief(before: Sequence, after: Sequence, modes: tuple[int, int, int]) -> list[int]:
+    """The contacts whose brief phases explain a change, each in the second of three modes, or of
+    these with opposite signs."""
+    few, many = sorted((before, after), key=len)
+    opposite = tuple(-m for m in modes)
+
+    def contact(a: ModeAndRegion, b: ModeAndRegion, c: ModeAndRegion) -> int | None:
+        """The one contact whose mode differs between the phases, if it does as wanted."""
+        every = zip(a[0], b[0], c[0], strict=True)
+        own = [i for i, each in enumerate(every) if each in (modes, opposite)]
+        if len(own) != 1 or a[1] != b[1] or b[1] != c[1]:
+            return None
+        others = [tuple(m for i, m in enumerate(s[0]) if i != own[0]) for s in (a, b, c)]
+        return own[0] if others[0] == others[1] == others[2] else None
+
+    found = _vanished(many, few, lambda a, b, c: contact(a, b, c) is not None)
+    contacts = [contact(*phases) for phases in found]
+    return list(dict.fromkeys(c for c in contacts if c is not None))
+
+
 def _excursions(many: Sequence, few: Sequence) -> list[tuple[ModeAndRegion, ModeAndRegion]]:
-    """Phases whose removal turns a sequence into the other one, each after the phase that it
-    interrupts.
+    """Phases that interrupt others and whose removal turns a sequence into the other one, each
+    after the phase that it interrupts."""
+    found = _vanished(many, few, lambda before, _, after: before == after)
+    return [(before, phase) for before, phase, _ in found]
+
+
+_Phases = tuple[ModeAndRegion, ModeAndRegion, ModeAndRegion]
+
+
+def _vanished(
+    many: Sequence,
+    few: Sequence,
+    may: Callable[[ModeAndRegion, ModeAndRegion, ModeAndRegion], bool],
+) -> list[_Phases]:
+    """Phases whose removal turns a sequence into the other one, each between its neighbours.
 
     There may be several: a cycle with a symmetry touches a boundary more than once.
+
+    Parameters
+    ----------
+    may : callable
+        Whether a phase may vanish between two others.
     """
-    found: dict[Sequence, list[tuple[ModeAndRegion, ModeAndRegion]]] = {many: []}
+    found: dict[Sequence, list[_Phases]] = {many: []}
     waiting = [many]
     while waiting:
         s = waiting.pop()
         for i, phase in enumerate(s):
-            if len(s) > len(few) and s[i - 1] == s[(i + 1) % len(s)]:
+            around = s[i - 1], phase, s[(i + 1) % len(s)]
+            if len(s) > len(few) and may(*around):
                 rest = _canonical([*s[:i], *s[i + 1 :]])
                 if rest not in found:
-                    found[rest] = [*found[s], (s[i - 1], phase)]
+                    found[rest] = [*found[s], around]
                     waiting.append(rest)
     return found.get(few, [])
 
@@ -203,27 +282,29 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
         margins.append(min(low, key=lambda dip: dip.value).refined()[1])
     for (_, a), (b, _) in itertools.pairwise(found):
         margins += reversals(motion, pieces, a, b, p)
+        margins += stops(motion, pieces, a, b, p)
     return max(min(margins, default=1.0), TINIEST)
 
 
 @dataclass(frozen=True)
 class Dip:
     """A local minimum of a guard: its switch, three times around it, values there, and the guard
-    over time."""
+    and its rate over time."""
 
     switch: int
     times: Array
     values: Array
     scale: float
     guard: Callable[[float], float]
+    rate: Callable[[float], float]
 
     @property
     def value(self) -> float:
         return float(self.values[1]) / self.scale
 
     def refined(self) -> tuple[float, float]:
-        """Time of the minimum, and its value relative to the size of the guard, by successive
-        parabolas through the last three points; only the first parabola if it is far from zero."""
+        """Time of the minimum, and its value relative to the size of the guard: where its rate
+        vanishes; only the parabola through the three points if it is far from zero."""
         t, g = self.times, self.values
         first, second = np.diff(g) / np.diff(t)
         bend = (second - first) / (t[2] - t[0])
@@ -231,22 +312,23 @@ class Dip:
         least = float(g[1]) - float(slope**2 / (4.0 * bend)) if bend > 0.0 else float(g[1])
         if least > _FAR * self.scale:
             return float(t[1]), least / self.scale
-        for _ in range(5):
-            (a, b, c), (fa, fb, fc) = t, g
-            up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
-            if up == down:
-                break
-            best = b - 0.5 * ((b - a) * up - (b - c) * down) / (up - down)
-            if not a < best < c or best == b:
-                break
-            value = self.guard(best)
-            t, g = np.append(t, best), np.append(g, value)
-            order = np.argsort(t)
-            t, g = t[order], g[order]
-            i = int(np.clip(np.argmin(g), 1, len(g) - 2))
-            t, g = t[i - 1 : i + 2], g[i - 1 : i + 2]
-        i = int(np.argmin(g))
-        return float(t[i]), max(float(g[i]), 0.0) / self.scale
+        ends = [self.rate(float(t[0])), self.rate(float(t[2]))]
+        place = float(t[1])
+        if ends[0] < 0.0 < ends[1]:
+            curvature = (ends[1] - ends[0]) / float(t[2] - t[0])
+
+            def rate(at: float) -> float:
+                found = self.rate(at)
+                # The error of the minimum is of the second order.
+                left = 0.5 * found**2 / curvature
+                return found if left > EPSILON * _ACCURATE * self.scale else 0.0
+
+            place = zero_between(rate, float(t[0]), float(t[2]), *ends)
+        value = self.guard(place) if math.isfinite(place) else math.nan
+        # A guard whose rate jumps has its minimum at one of the points.
+        if not value <= float(g[1]):
+            place, value = float(t[1]), float(g[1])
+        return place, max(value, 0.0) / self.scale
 
 
 @dataclass(frozen=True)
@@ -326,16 +408,41 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     lowest[shared] &= here[shared] > 0.0
 
     def at(row: int, i: int) -> Dip:
-        def guard(t: float) -> float:
+        def state(t: float) -> Array:
             knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
-            y = motion.states_at(np.array([t]), np.array([knot]))[0]
-            return float(piece.felt(t, y, p)[n + row])  # pyright: ignore[reportArgumentType]
+            return motion.states_at(np.array([t]), np.array([knot]))[0]
+
+        def guard(t: float) -> float:
+            return float(piece.felt(t, state(t), p)[n + row])  # pyright: ignore[reportArgumentType]
+
+        def rate(t: float) -> float:
+            return float(piece.leave(t, state(t), p).fall[row])
 
         around = slice(i - 1, i + 2)
         switch, scale = int(piece.switches[row]), float(scales[row])
-        return Dip(switch, times[around], guards[row, around], scale, guard)
+        return Dip(switch, times[around], guards[row, around], scale, guard, rate)
 
     return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
+
+
+def guard_between(
+    motion: Trajectory, piece: Piece, a: int, b: int, switch: int, p: Array, looks: Looks
+) -> Array:
+    """Values of a guard at the nodes between two knots.
+
+    Parameters
+    ----------
+    piece : Piece
+        That of the phase.
+    switch : int
+        That of the guard; of several guards the first.
+    p : array, shape (parameters,)
+    looks : Looks
+        The motion at its nodes.
+    """
+    inside = slice(*np.searchsorted(looks.index, (a, b)))
+    row = motion.knots.state.shape[1] + int(np.flatnonzero(piece.switches == switch)[0])
+    return piece.felt(looks.times[inside], looks.states[inside].T, p)[row]
 
 
 def _rises(values: Array, known: float) -> Array:
@@ -357,20 +464,39 @@ def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> l
     p : array, shape (parameters,)
     """
     k = motion.knots
-    found = []
     before = k.mode[a - 1] if a else k.mode[a]
+    turned = (before * k.mode[b] == -1).nonzero()[0]
+    return [abs(held) for held in _held(motion, pieces, turned, b, p)]
+
+
+def stops(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
+    """Distance from their thresholds of the forces of contacts along lines that begin to stick.
+
+    Parameters
+    ----------
+    a, b : int
+        First knots of a phase, and of the next one.
+    p : array, shape (parameters,)
+    """
+    k = motion.knots
+    before = k.mode[a - 1] if a else k.mode[a]
+    lines = [c.plane == 1 and not c.opens for c in motion.problem.compiled.equations.contacts]
+    stuck = (np.abs(before) == 1) & (k.mode[b] == 0) & np.array(lines, dtype=bool)
+    return [abs(held) for held in _held(motion, pieces, stuck.nonzero()[0], b, p)]
+
+
+def _held(
+    motion: Trajectory, pieces: Pieces, contacts: Array, knot: int, p: Array
+) -> Iterator[float]:
+    """Margins of contacts at a knot if they stick there."""
+    k = motion.knots
     kinks = k.region.shape[1]
-    for c in (before * k.mode[b] == -1).nonzero()[0]:
-        mode = k.mode[b].copy()
+    for c in contacts:
+        mode = k.mode[knot].copy()
         mode[c] = 0
-        try:
-            held = holding(
-                pieces(mode, k.region[b]), kinks + int(c), float(k.time[b]), k.state[b], p
-            )
-        except ZeroDivisionError:
-            continue
-        found.append(abs(held))
-    return found
+        stuck = pieces(mode, k.region[knot])
+        with suppress(ZeroDivisionError):
+            yield holding(stuck, kinks + int(c), float(k.time[knot]), k.state[knot], p)
 
 
 def holding(stuck: Piece, switch: int, t: float, y: Array, p: Array) -> float:

@@ -250,6 +250,7 @@ class Shooting:
         self.fixed: Array = self._fixed()
         self._shifted = bool(np.any(setting.moved(self.symmetry, 1.0)))
         self._last: Orbit | None = None
+        self._legs: tuple[bytes, dict[int, Leg]] = b"", {}
 
     def with_pieces(
         self, pieces: Pieces, problem: Problem, motions: Sequence[Trajectory] = ()
@@ -354,10 +355,7 @@ class Shooting:
         return float(max(gaps))
 
     def _evaluate(self, x: Array) -> Orbit:
-        period = float(x[self.time])
-        if not period > 0.0:
-            raise NoReturn("the period", f"it became {period:g}")
-        problem = with_value(self.problem, self.free, float(x[-1])) if self.free else self.problem
+        problem, period = self._posed(x)
         known = self.known_shift(problem, period)
         shift = known.value + self.symmetry.shifts @ x[self.drifts]
         legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
@@ -374,9 +372,8 @@ class Shooting:
 
     def _fill(self, orbit: Orbit, F: Array, J: Array | None) -> None:
         """Write the residual and, if there is an array for it, the derivative."""
-        x = orbit.x
-        for j in range(len(orbit.legs)):
-            self._close(F, J, orbit, j)
+        for j, leg in enumerate(orbit.legs):
+            self._close(F, J, orbit.x, leg, j, orbit.shift)
         home = slice(*self.first[:2])
         if J is not None:
             # After a period the state is shifted: known shifts by drives, free ones by
@@ -388,18 +385,63 @@ class Shooting:
             if self.free:
                 J[home, -1] -= chart @ known.by_parameter
         self._hold(F, J, orbit)
+        self._fix(F, J, orbit.problem, orbit.x)
+
+    def open_equations(self, x: Array) -> tuple[Array, Array, list[Place]]:
+        """Residual and derivative without the equations of the first coordinates, which close the
+        last leg; and the states at the stations. The last leg is not computed.
+
+        Raises
+        ------
+        NoReturn
+            If a motion ends early.
+        """
+        problem, period = self._posed(x)
+        p = parameter_values(problem)
+        rows = len(x) - bool(self.free)
+        F, J = np.zeros(rows), np.zeros((rows, len(x)))
+        for j in range(len(self.stations) - 1):
+            self._close(F, J, x, self._leg(problem, j, x, period), j, np.zeros(0))
+        self._fix(F, J, problem, x)
+        places = [
+            station.place(x[slice(*self.first[j : j + 2])], self.start + period * station.part, p)
+            for j, station in enumerate(self.stations)
+        ]
+        return F, J, places
+
+    def _posed(self, x: Array) -> tuple[Problem, float]:
+        """The problem with the value of the free parameter, and the period."""
+        period = float(x[self.time])
+        if not period > 0.0:
+            raise NoReturn("the period", f"it became {period:g}")
+        if not self.free:
+            return self.problem, period
+        return with_value(self.problem, self.free, float(x[-1])), period
+
+    def _fix(self, F: Array, J: Array | None, problem: Problem, x: Array) -> None:
+        """Equations for the period of driven systems, and for phase and position along
+        translations."""
         row = self.time
         if self.symmetry.driven:
-            F[row], slopes = self._clock(orbit.problem, x)
+            F[row], slopes = self._clock(problem, x)
             if J is not None:
                 J[row] = slopes
             row += 1
+        home = slice(*self.first[:2])
         F[row:] = self.fixed @ x[home]
         if J is not None:
             J[row:, home] = self.fixed
 
     def _leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
-        """The motion from a station to the next."""
+        """The motion from a station to the next; those of the last unknowns are stored."""
+        key = x.tobytes()
+        if self._legs[0] != key:
+            self._legs = key, {}
+        if j not in self._legs[1]:
+            self._legs[1][j] = self._new_leg(problem, j, x, period)
+        return self._legs[1][j]
+
+    def _new_leg(self, problem: Problem, j: int, x: Array, period: float) -> Leg:
         station = self.stations[j]
         p = parameter_values(problem)
         end = self.stations[j + 1].part if j + 1 < len(self.stations) else 1.0
@@ -428,13 +470,11 @@ class Shooting:
                 return motion
         return None
 
-    def _close(self, F: Array, J: Array | None, orbit: Orbit, j: int) -> None:
+    def _close(self, F: Array, J: Array | None, x: Array, leg: Leg, j: int, shift: Array) -> None:
         """Equations for the end of a leg at the beginning of the next one, in the rows of the
         coordinates of that station."""
-        x, shift = orbit.x, orbit.shift
-        target = (j + 1) % len(orbit.legs)
-        leg = orbit.legs[j]
-        n = len(shift)
+        target = (j + 1) % len(self.stations)
+        n = len(leg.place.state)
         there = self.stations[target]
         rows = slice(*self.first[target : target + 2])
         own = slice(*self.first[j : j + 2])
