@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from adversarial import branches
+from adversarial.kinds import branches
 from stickslip.orbits.branches.chart import Chart, extent_of, first_chart
 from stickslip.orbits.fields.mode_field import Pieces
 
