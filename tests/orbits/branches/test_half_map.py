@@ -7,6 +7,7 @@ import pytest
 
 import stickslip as ss
 from adversarial.kinds import branches
+from stickslip.orbits.branches import chart as branch_chart
 from stickslip.orbits.branches.chart import Chart, extent_of, first_chart
 from stickslip.orbits.fields.mode_field import Pieces
 
@@ -17,6 +18,12 @@ SYMMETRIC = [
 ]
 
 
+@pytest.fixture
+def everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The half map is used also if no multiplier is near 1."""
+    monkeypatch.setattr(branch_chart, "_NEAR_ONE", np.inf)
+
+
 def chart_of(cycle: ss.Cycle, parameter: str) -> tuple[Chart, np.ndarray]:
     """The chart of a branch that starts at a cycle."""
     value = cycle.parameters[parameter]
@@ -25,6 +32,7 @@ def chart_of(cycle: ss.Cycle, parameter: str) -> tuple[Chart, np.ndarray]:
     return first_chart(cycle.closed, pieces, extent, halves=True)
 
 
+@pytest.mark.usefixtures("everywhere")
 @pytest.mark.parametrize(("system", "parameter", "values"), SYMMETRIC)
 def test_the_return_map_is_its_square(
     system: ss.System, parameter: str, values: dict[str, float]
@@ -39,6 +47,7 @@ def test_the_return_map_is_its_square(
     assert squares[len(squares) - len(known) :] == pytest.approx(known, abs=1e-7)
 
 
+@pytest.mark.usefixtures("everywhere")
 @pytest.mark.parametrize(("system", "parameter", "values"), SYMMETRIC)
 def test_its_derivatives_are_those_of_differences(
     system: ss.System, parameter: str, values: dict[str, float]
@@ -52,6 +61,7 @@ def test_its_derivatives_are_those_of_differences(
         assert difference * unit == pytest.approx(J[:, i] * unit, abs=1e-5)
 
 
+@pytest.mark.usefixtures("everywhere")
 def test_none_without_the_symmetry() -> None:
     """A cycle without it, and equations that lose it where a parameter changes."""
     belt = ss.catalogue.belt_stribeck()

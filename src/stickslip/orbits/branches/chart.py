@@ -47,6 +47,8 @@ _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows
 # tolerance of a branch point, distance to a second place of its search, and its largest distance
 # from the crossing of the branch, the latter two as fractions of the range
 _FINE, _BESIDE, _CROSSES = 1e-11, 1e-6, 1e-4
+# distance of a multiplier from 1 above which the equations of the return map are regular enough
+_NEAR_ONE = 0.05
 _NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
@@ -120,8 +122,10 @@ class Chart:
     shooting : Shooting
         With a free parameter.
     half : HalfMap or None
-        If the second halves of the cycles mirror the first: then its equations are solved, which
-        are regular where the cycles lose this symmetry.
+        If the second halves of the cycles mirror the first, and a multiplier is near 1: then its
+        equations are solved, which are regular where the cycles lose this symmetry.
+    halves : bool
+        Whether such a map is used.
     candidates, cycles : dict
         Orbits that were computed, and cycles that were looked at, by their unknowns.
     """
@@ -129,6 +133,7 @@ class Chart:
     shooting: Shooting
     extent: Extent
     half: HalfMap | None = None
+    halves: bool = False
     candidates: dict[bytes, Closed] = field(default_factory=dict)
     cycles: dict[bytes, Cycle] = field(default_factory=dict)
 
@@ -194,7 +199,7 @@ class Chart:
         old = self.shooting
         setting = replace(self.shooting.setting, held=held)
         new = Shooting(old.problem, old.pieces, old.stations, old.start, setting)
-        return Chart(new, self.extent, _suited(self.half, new))
+        return Chart(new, self.extent, _suited(self.half, new), self.halves)
 
     def without_half_map(self) -> Chart:
         """The same coordinates for cycles whose halves differ."""
@@ -301,9 +306,10 @@ def first_chart(
     shooting = closed.shooting.with_pieces(pieces, general)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[free]))
     found = Closed(shooting, orbit)
-    half = half_map(found, free, (extent.low, extent.high)) if halves else None
+    half = _half_map_near_one(found, extent) if halves else None
     count = len(shooting.stations)
-    return _restarted(found, count, chart_sizes(closed, extent), extent, half)
+    chart, x = _restarted(found, count, chart_sizes(closed, extent), extent, half)
+    return replace(chart, halves=halves), x
 
 
 def _restarted(
@@ -358,6 +364,13 @@ def symmetric_branch_point(chart: Chart, x: Array) -> Cycle | None:
     return None
 
 
+def _half_map_near_one(closed: Closed, extent: Extent) -> HalfMap | None:
+    """The half map of a cycle if it has one and a multiplier of the return map is near 1."""
+    if np.min(np.abs(closed.spectrum.others - 1.0), initial=np.inf) > _NEAR_ONE:
+        return None
+    return half_map(closed, closed.shooting.pieces.free[0], (extent.low, extent.high))
+
+
 def _suited(half: HalfMap | None, shooting: Shooting) -> HalfMap | None:
     """The half map, if it can be solved with these stations."""
     return half if half and half.suits(shooting) else None
@@ -385,11 +398,10 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     orbit = chart.orbit(x)
     begin = best_start(shooting, orbit)
     closed, extent = chart.closed(x), chart.extent
-    half = chart.half
-    if half is not None:
-        half = half_map(closed, shooting.pieces.free[0], (extent.low, extent.high))
+    half = _half_map_near_one(closed, extent) if chart.halves else None
     count = stations_for(shooting, orbit) if chart.half is None or half else 1
     there, y = _restarted(closed, count, chart_sizes(closed, extent), extent, half)
+    there = replace(there, halves=chart.halves)
     new = there.shooting
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
