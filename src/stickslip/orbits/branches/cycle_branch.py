@@ -513,19 +513,26 @@ class _Follower:
             a, b = self._features(one.cycle), self._features(other.cycle)
             chord, offset = b - a, start - a
             part = ratio(offset @ chord, chord @ chord)
-            beside = np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(chord)
-            if 0.0 < part <= 1.0 and beside and self._is_between(one.cycle, other.cycle):
+            length = float(np.linalg.norm(chord))
+            beside = np.linalg.norm(offset - part * chord) < 0.1 * length
+            if 0.0 < part <= 1.0 and beside and self._is_between(one.cycle, other.cycle, length):
                 return True
         return False
 
-    def _is_between(self, one: Cycle, other: Cycle) -> bool:
+    def _is_between(self, one: Cycle, other: Cycle, length: float) -> bool:
         """Return whether the start of the branch is as near to a cycle as the previous cycle is:
-        cycles of equal widths may occur at other phases of a drive."""
+        cycles of equal widths may occur at other phases of a drive.
+
+        Parameters
+        ----------
+        length : float
+            Distance of the features of both cycles, which may have the same states.
+        """
         near, apart = (
             other.closed.distance(np.array([*cycle.state.values()]), cycle.time)
             for cycle in (self.cycle, one)
         )
-        return near <= _BETWEEN * apart
+        return near <= _BETWEEN * max(apart, length)
 
     # -- results -----------------------------------------------------------------------------------
 
