@@ -267,7 +267,7 @@ def test_has_a_face_in_a_notebook(name: str) -> None:
 def test_a_picture_that_fails_costs_no_face(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Figure, "savefig", lambda *given, **more: 1 / 0)
     page = made("line")._repr_html_()
-    assert "could not be drawn (ZeroDivisionError" in page and "certificate" in page
+    assert "could not be plotted (ZeroDivisionError" in page and "certificate" in page
 
 
 def test_every_kind_can_be_opened() -> None:
