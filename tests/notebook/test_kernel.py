@@ -93,7 +93,7 @@ def test_a_figure_is_shown_once(outputs: dict[str, list[Any]], cell: str) -> Non
 def test_what_has_a_picture_is_a_page_with_one(outputs: dict[str, list[Any]], cell: str) -> None:
     (page,) = pages(outputs[cell])
     assert page.count("data:image/png;base64,") == 1
-    assert "could not be drawn" not in page
+    assert "could not be plotted" not in page
     assert len(outputs[cell]) == 1
 
 

@@ -92,7 +92,7 @@ def test_others_are_pages(name: str) -> None:
     parsed(shown)
     drawn = name in ("potential", "average", "average of a ball", "law", "samples")
     assert ("data:image/png" in shown) == drawn
-    assert "could not be drawn" not in shown
+    assert "could not be plotted" not in shown
 
 
 def test_a_model_file_of_an_evolution(tmp_path: Any) -> None:
