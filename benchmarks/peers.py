@@ -7,6 +7,7 @@ wrote there: where the time goes, and what the floor is.
 
 from __future__ import annotations
 
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -159,9 +160,22 @@ def curves() -> list[str]:
     ]
 
 
+def commit() -> str:
+    """The commit of the checkout, in words; empty outside of one."""
+    found = subprocess.run(
+        ["git", "rev-parse", "--short=8", "HEAD"],
+        cwd=RESULTS.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return f", commit {found.stdout.strip()}" if found.returncode == 0 else ""
+
+
 def main() -> None:
     """Measure, print, and keep what was written below the table."""
-    lines = ["# Speed compared with other programs and with the goals", "", machine(), "", *HEADER]
+    where = f"{machine()}{commit()}"
+    lines = ["# Speed compared with other programs and with the goals", "", where, "", *HEADER]
     lines += [*motions(), *many(), *curves()]
     lines += ["", *(f"{name} is absent: {reason}." for name, reason in ABSENT.items())]
     kept = RESULTS.read_text(encoding="utf-8") if RESULTS.exists() else ""
