@@ -99,6 +99,8 @@ def statements(page: str) -> list[doctest.Example]:
 def test_sessions(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every block of a page, one after the other, gives what is printed there."""
     monkeypatch.chdir(tmp_path)
+    # What a page declares is not known to later tests.
+    monkeypatch.setattr(ss.Dissipation, "kinds", dict(ss.Dissipation.kinds))
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     session = doctest.DocTest(statements(page), {}, page, None, None, None)
     said: list[str] = []
