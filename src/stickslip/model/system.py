@@ -275,8 +275,7 @@ class System:
         Raises
         ------
         DeclarationError
-            If there is no such degree of freedom, its value determines none of the modes, or two
-            values conflict.
+            If a name is unknown, a value does not determine any mode, or two values conflict.
         """
         unknowns = [name for name in given if is_entry(name)]
         if not unknowns or not self.structures:

@@ -24,8 +24,8 @@ from stickslip.translator import compiled
 
 # smallest number of states: for fewer, recomputation costs no more than the comparisons
 FEWEST_KEPT = 16
-_MOST = 64  # number of modes that are kept
-_ROOM = 2**26  # largest number of bytes for them; an empty slot takes none
+MOST_KEPT = 64  # number of modes that are kept
+KEPT_BYTES = 2**26  # largest number of bytes for them; an empty slot takes none
 NOT_KEPT = -2  # instead of the number of blocks
 USED, NEXT = range(2)
 
@@ -59,7 +59,7 @@ class KeptModes(NamedTuple):
 def make_kept_modes(n: int) -> KeptModes:
     """Allocate storage for the modes of a system with n states; empty if n is small."""
     of_each = (8 + 2 * 16) * n * n
-    slots = min(_MOST, _ROOM // of_each) if n >= FEWEST_KEPT else 0
+    slots = min(MOST_KEPT, KEPT_BYTES // of_each) if n >= FEWEST_KEPT else 0
     z = np.zeros
     c = np.complex128
     return KeptModes(

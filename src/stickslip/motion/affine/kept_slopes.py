@@ -13,14 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Array3, IntMatrix, IntVector, Matrix
-from stickslip.motion.affine.kept_modes import FEWEST_KEPT, NEXT, USED
+from stickslip.motion.affine.kept_modes import FEWEST_KEPT, KEPT_BYTES, MOST_KEPT, NEXT, USED
 from stickslip.motion.steps.arrays import Constants
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import Instruction, Op, rows_made, rows_read
 from stickslip.translator import compiled
 
-_MOST = 64  # number of modes that are kept
-_ROOM = 2**26  # largest number of bytes for them; an empty slot takes none
 _LINEAR = frozenset({Op.LINEAR, Op.SELECT, Op.SIDE, Op.SPEED, Op.RIGHT, Op.SOLVE})
 _UNKNOWN = frozenset({Op.IMPLICIT, Op.WITHIN})
 
@@ -67,7 +65,7 @@ def make_kept_slopes(
     """
     rows, n = shape
     of_each = 8 * (1 + rows * n + len(scaling) + matrices + switches)
-    slots = min(_MOST, _ROOM // of_each) if n >= FEWEST_KEPT else 0
+    slots = min(MOST_KEPT, KEPT_BYTES // of_each) if n >= FEWEST_KEPT else 0
     return KeptSlopes(
         np.zeros(2, np.int64),
         scaling,
@@ -179,8 +177,8 @@ def recall_slopes(kept: KeptSlopes, k: Constants, mode: Array, reg: Array, F: Ar
 
 @compiled()
 def keep_slopes(kept: KeptSlopes, k: Constants, mode: Array, reg: Array, F: Array) -> None:
-    """Keep the slopes of a mode, in place of the oldest ones if there is no room; arguments as of
-    :func:`recall_slopes`."""
+    """Store the slopes of a mode. If there is no room, they replace the oldest ones. The arguments
+    are those of :func:`recall_slopes`."""
     slots = len(kept.settings)
     if slots == 0:
         return

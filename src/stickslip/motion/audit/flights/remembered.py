@@ -14,12 +14,11 @@ import numpy as np
 from stickslip.arrays import AnyArray
 from stickslip.kept import kept
 from stickslip.motion.affine.forms import EXPONENTS, ClosedForms
+from stickslip.motion.affine.kept_modes import KEPT_BYTES
 from stickslip.motion.audit.flights.arrays import KNOWN, REMEMBERED, FlightAudit
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
-
-_ROOM = 2**26  # largest number of bytes for the evaluations of a system
 
 
 def recall_evaluations(problem: Problem, audit: FlightAudit) -> None:
@@ -48,7 +47,7 @@ def remember_evaluations(problem: Problem, audit: FlightAudit) -> None:
         given = [part.copy() for part in _vectors(audit.forms, slot, n)]
         made = [part.copy() for part in _evaluated(audit, slot)]
         size = sum(part.nbytes for part in (*given, *made))
-        while len(known) * size > _ROOM:
+        while len(known) * size > KEPT_BYTES:
             known.pop(next(iter(known)), None)
         known[int(audit.forms.key[slot]), constants] = given, made
 
