@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+import stickslip as ss
 from stickslip import (
     Contact,
     DeclarationError,
@@ -385,3 +386,36 @@ def test_what_is_not_linear_in_the_rates_is_refused() -> None:
                 contacts={"r": Contact("d_r", threshold="1 + d_q**2")},
             ).declaration
         )
+
+
+def test_springs_of_structures_have_few_terms() -> None:
+    """A spring at a structure pulls at every mode by one stretch: the forces of n modes have of the
+    order of n terms, not n², and are the same."""
+    n = 12
+    body = ss.Structure(np.eye(n), 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    system = System(
+        "chain",
+        parameters=_parameters(F_c=0.1),
+        structures={"u": body},
+        contacts={
+            f"damper {at}": ss.laws.jenkins(f"d_u[{at}]", F_c="F_c", k=0.5) for at in (3, 8)
+        },
+    )
+    equations = derive(system.declaration)
+    rng = np.random.default_rng(1)
+    point = {name: rng.normal() for name in [*system.declaration.state, "F_c", "t"]}
+    for name, stretch in equations.stretches.items():
+        point[name] = ex.evaluate(stretch, point)
+    pairs = zip(equations.shared_force, equations.inertial_force, strict=True)
+    for shared, plain in pairs:
+        assert len(shared.terms) <= 3
+        assert len(plain.terms) > n
+        assert ex.evaluate(shared, point) == pytest.approx(ex.evaluate(plain, point), rel=1e-13)
+    assert len(equations.stretches) == 2
+
+
+def test_short_sums_are_not_shared() -> None:
+    """A spring between two masses needs no value of its own."""
+    equations = derive(MIXED.declaration)
+    assert not equations.stretches
+    assert equations.shared_force == equations.inertial_force

@@ -16,7 +16,13 @@ import stickslip as ss
 from stickslip.arrays import Array, IntMatrix, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.closed_forms import make_form
-from stickslip.motion.affine.forms import AFFINE, SMOOTH, ClosedForms, Flight
+from stickslip.motion.affine.forms import (
+    AFFINE,
+    SMOOTH,
+    ClosedForms,
+    Flight,
+    make_closed_forms,
+)
 from stickslip.motion.affine.kept_modes import USED
 from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.motion.affine.signals import rough_acos
@@ -354,3 +360,22 @@ def test_no_slip_in_a_plane_is_missed(push: float) -> None:
     np.testing.assert_allclose(flown.events["time"], stepped.events["time"], rtol=1e-10)
     for name, value in stepped.final.items():
         assert flown.final[name] == pytest.approx(value, abs=1e-10)
+
+
+def test_memory_of_closed_forms_is_used_again() -> None:
+    """Large storage is that of forms that are gone, and contains zeros."""
+    sizes = (1, 64, 100, 2, 0, 0, 1)
+    first = make_closed_forms(*sizes)
+    address = first.S.__array_interface__["data"][0]
+    first.used[0] = 3
+    arrays = [part for part in first if len(part) == 64 and part is not first.own]
+    for part in arrays:
+        part[:3] = 7
+    del first, arrays, part
+    again = make_closed_forms(*sizes)
+    assert again.S.__array_interface__["data"][0] == address
+    written = {"own", "pace"}
+    for name, part in zip(again._fields, again, strict=True):
+        assert name in written or not np.any(part), name
+    other = make_closed_forms(*sizes)  # while the first one is in use
+    assert other.S.__array_interface__["data"][0] != address

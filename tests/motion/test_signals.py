@@ -51,7 +51,8 @@ def test_what_has_decayed_does_not_shorten_the_search(
     b = 0.3 * rng.normal(size=len(omega)) + 0j
     c = np.array([0.0, rng.normal() / limit, 0.0])
     c[0] = rng.uniform(0.1, 1.0) - np.sum(a.real) - np.sum(b.real)
-    s = SignalSum(c, a, np.zeros_like(a), lam, b, omega)
+    room = np.zeros_like(a)
+    s = SignalSum(c, a, room, np.zeros(len(a)), room.copy(), lam, b, omega)
     floor = 1e-14 * (abs(c[0]) + float(np.sum(np.abs(a))))
     left = iter(range(20 + 20 * count))
     expand = signals.expand_signal
@@ -84,7 +85,8 @@ def test_what_is_fast_and_small_is_bounded(seed: int, monkeypatch: pytest.Monkey
     c = np.array([0.0, -0.05, 0.0])
     limit = 20.0
     c[0] = rng.uniform(0.1, 1.0) - np.sum(a.real) - np.sum(b.real)
-    s = SignalSum(c, a, np.zeros_like(a), lam, b, omega)
+    room = np.zeros_like(a)
+    s = SignalSum(c, a, room, np.zeros(len(a)), room.copy(), lam, b, omega)
     floor = 1e-14 * (abs(c[0]) + float(np.sum(np.abs(a))))
     windows = []
     expand = signals.expand_signal

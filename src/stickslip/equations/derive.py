@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 _KINDS = tuple(Kind)
 _NO_FORCE = 1e-300  # force that is negligible compared with any threshold
+_MANY = 6  # terms of a stretch that is computed once, and not in the force of each coordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,12 @@ class MotionEquations:
         Contacts in a plane.
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
+    stretches : dict of str to Expr
+        By symbols ``stretch:i``: sums of many terms whose squares are in the potential. A spring
+        between modes of structures pulls at all of them by its stretch; written out, n of them
+        would have n² terms.
+    shared_force : list of Expr
+        `inertial_force` in terms of these symbols.
     mass, damping : dict of (int, int) to Expr
         M(q, t) of the inertial and C of the viscous coordinates without a drag: the entries that
         there are, row by row.
@@ -91,6 +98,8 @@ class MotionEquations:
     planes: list[Plane]
     inertial_force: list[Expr]
     viscous_force: list[Expr]
+    stretches: dict[str, Expr]
+    shared_force: list[Expr]
     mass: dict[tuple[int, int], Expr]
     damping: dict[tuple[int, int], Expr]
     implicit: dict[str, Expr]
@@ -338,14 +347,20 @@ def _equations_of(d: Declaration) -> MotionEquations:
             contacts[i] = replace(component_of(contacts[i], i, plane), axis=axis)
     planes = pressed_planes(d, contacts, planes)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
+    potential, stretches = _with_stretches(d.potential)
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
-    inertial_force = [
-        -slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) + d.velocity_force(q) for q in d.inertial
-    ]
+    others = {q: d.velocity_force(q) - d.drags[q] - by_all.get(q, ex.ZERO) for q in d.inertial}
     for i in glued:
         for q, weight in contacts[i].direction.items():
-            inertial_force[d.inertial.index(q)] -= weight * ex.sym(f"glue:{i}")
+            others[q] -= weight * ex.sym(f"glue:{i}")
+    inertial_force = [others[q] - slope[q] for q in d.inertial]
+    shared_force = inertial_force
+    if stretches:
+        shared_force = [
+            others[q] + d.forces[q] - _slope_by_stretches(potential, stretches, q)
+            for q in d.inertial
+        ]
     force_of = dict(zip(d.viscous, viscous_force, strict=True))
     implicit = {z: d.resistance(z) - force_of[z] for z in d.resisted}
     laws = [d.laws[a] for a in d.internal]
@@ -369,6 +384,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         planes=planes,
         inertial_force=inertial_force,
         viscous_force=viscous_force,
+        stretches=stretches,
+        shared_force=shared_force,
         mass=matrix_of(d.mass, d.inertial),
         damping=matrix_of(d.damping, d.damped),
         implicit=implicit,
@@ -382,6 +399,23 @@ def _equations_of(d: Declaration) -> MotionEquations:
         dissipation=dissipation,
         supply=supply,
     )
+
+
+def _with_stretches(potential: Expr) -> tuple[Expr, dict[str, Expr]]:
+    """A potential in which sums of many terms that are squared are symbols, and these symbols."""
+    products = [node for node in ex.walk([potential]) if node.op == "prod"]
+    squared = [base for node in products for base, p in node.terms if p == 2.0]
+    sums = list(dict.fromkeys(e for e in squared if e.op == "sum" and len(e.terms) >= _MANY))
+    symbols = {e: ex.sym(f"stretch:{i}") for i, e in enumerate(sums)}
+    found = ex.rewrite(potential, symbols.get)
+    return found, {str(symbol.value): e for e, symbol in symbols.items()}
+
+
+def _slope_by_stretches(potential: Expr, stretches: Mapping[str, Expr], name: str) -> Expr:
+    """Partial derivative of a potential that depends on stretches, in terms of these (the chain
+    rule)."""
+    inner = {symbol: ex.derivative(e, name) for symbol, e in stretches.items()}
+    return ex.along(potential, {name: ex.ONE, **inner})
 
 
 def _known_sign(sense: Expr, regions: Mapping[Expr, int]) -> int:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import struct
 import threading
+import weakref
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +19,12 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.motion.affine.forms import MOST_SWITCHES, make_closed_forms, make_flight
+from stickslip.motion.affine.forms import (
+    MOST_SWITCHES,
+    bytes_of_form,
+    make_closed_forms,
+    make_flight,
+)
 from stickslip.motion.affine.kept_modes import FEWEST_KEPT
 from stickslip.motion.affine.kept_slopes import scaling_constants
 from stickslip.motion.rows import guards_of, layout_rows
@@ -66,7 +73,10 @@ _MOST_BENCHES = 4
 _MOST_ADMISSIBLE = 64  # largest number of admissible parameter sets of a system that are stored
 _MOST_CONSTANTS = 4  # largest number of sets of matrices of a system
 _MOST_ROWS = 64  # largest number of sets of rows of a system; required rows depend on parameters
-_CURVE_SLOTS = 8  # the same along a curve, where no two problems share them
+_CURVE_SLOTS = 8  # the same along a curve, where no two problems share them; most need fewer
+# closed forms of the latest problems of a system are kept, about so many bytes, but for so many
+# problems at least
+_FORMS_BYTES, _FEWEST_FORMS = 2**27, 3
 # largest number of states of a motion in closed form; the cost per mode is cubic in it
 _MOST_STATES = 400
 _MOST_STATES_OF_MANY = 24  # the same if many motions have closed forms of their own
@@ -204,9 +214,22 @@ class Problem:
 
     @cached_property
     def closed_forms(self) -> ClosedForms:
-        """Storage of the closed forms of affine modes, filled while the motion is computed."""
+        """Storage of the closed forms of affine modes, filled while the motion is computed, and
+        again when they are needed later."""
         # Curves keep the motions of hundreds of problems, each with closed forms of its own.
-        return self.empty_forms(1, MOTION_SLOTS if self.boxes is None else _CURVE_SLOTS)
+        layout = self.compiled.layout
+        n, contacts, waves = layout.sizes["n"], len(layout.u), layout.frequencies
+        guards = layout.sizes["kinks"] + 2 * contacts
+        most = _FORMS_BYTES // bytes_of_form(n, guards, contacts, waves)
+        slots = MOTION_SLOTS if self.boxes is None or n >= FEWEST_KEPT else _CURVE_SLOTS
+        found = self.empty_forms(1, slots)
+        held = made_once(self.compiled, "problems with closed forms", deque[Any])
+        held.append(weakref.ref(self))
+        while len(held) > max(most // _CURVE_SLOTS, _FEWEST_FORMS):
+            old = held.popleft()()
+            if old is not None:
+                vars(old).pop("closed_forms", None)
+        return found
 
     def empty_forms(self, groups: int, slots: int) -> ClosedForms:
         """Storage for the closed forms of groups of motions; without slots if the system is too

@@ -411,7 +411,7 @@ def _along(branch: Branch, x: str) -> Array:
 def _numbers(cycle: Cycle, x: str) -> Array:
     """Amplitude and first harmonic of a coordinate."""
     h = cycle.harmonic[x]
-    return np.array([0.5 * float(np.ptp(cycle.extrema[x])), h.real, h.imag])
+    return np.array([0.5 * float(np.ptp(cycle.extrema_of(x))), h.real, h.imag])
 
 
 def _equal(one: Cycle, other: Cycle, x: str) -> bool:

@@ -437,3 +437,15 @@ def test_few_derivatives_are_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     again = find_cycle(system, cycle, parameters={"omega": 1.001 * system.values["omega"]})
     assert again.stable
     assert len(made) <= 5
+
+
+def test_a_cycle_that_is_followed_keeps_its_station() -> None:
+    """Both halves of the cycle have equally good stations; the one that is there remains."""
+    cycle = find_cycle(catalogue.jenkins_oscillator())
+    place = cycle.closed.shooting.start / cycle.period
+    for _ in range(4):
+        cycle = find_cycle(
+            cycle.system, cycle, parameters={"omega": 1.01 * cycle.parameters["omega"]}
+        )
+        assert cycle.closed.shooting.start / cycle.period == pytest.approx(place, abs=0.05)
+        check(cycle)

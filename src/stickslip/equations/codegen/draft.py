@@ -50,6 +50,8 @@ class Draft:
         By plane, the first row of the direction of its slip.
     speed_sizes : dict of int to int
         By plane, the row of the size of the terms of what that is the direction of.
+    stretch_sizes : dict of Expr to Scalar
+        By the symbol of a stretch, the size of its terms.
     """
 
     def __init__(self, equations: MotionEquations) -> None:
@@ -86,6 +88,7 @@ class Draft:
         self.rate_sizes = self.plane_sizes + len(equations.planes)
         self.directions: dict[int, int] = {}
         self.speed_sizes: dict[int, int] = {}
+        self.stretch_sizes: dict[Expr, Scalar] = {}
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
 
     def note(self, place: int, size: Scalar, adding: bool = False) -> None:
@@ -104,16 +107,22 @@ class Draft:
         if e.op == "sum":
             parts = [product_of_sizes(numeral(abs(c)), self.size(term)) for term, c in e.terms]
             return added([*parts, *([numeral(abs(float(e.value)))] if e.value else [])])
-        if e.op == "prod" and any(base.op == "sum" and p == 1.0 for base, p in e.terms):
+        if e in self.stretch_sizes:
+            return self.stretch_sizes[e]
+        if e.op == "prod" and any(self._is_sum(base) and p == 1.0 for base, p in e.terms):
             return Scalar("product", tuple(self.factor_size(base, p) for base, p in e.terms))
         return self.size_of([self.tape.lower(e)])
 
     def factor_size(self, base: Expr, p: float) -> Scalar:
         """The size of a factor; a difference in brackets is as large as its terms."""
-        if base.op == "sum" and p == 1.0 and not self.constants.is_constant(base):
+        if self._is_sum(base) and p == 1.0 and not self.constants.is_constant(base):
             return self.size(base)
         size = self.size_of([self.tape.lower(base)])
         return size if p == 1.0 else Scalar("real_power", (size, numeral(p)))
+
+    def _is_sum(self, e: Expr) -> bool:
+        """Whether the terms of an expression may cancel."""
+        return e.op == "sum" or e in self.stretch_sizes
 
     def number(self, e: Expr) -> Scalar:
         """A constant, or the value of a row."""

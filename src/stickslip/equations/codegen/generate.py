@@ -42,7 +42,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import Store, scalars_of
+from stickslip.symbolic.scalars import Store, element, scalars_of
 from stickslip.symbolic.tape import Instruction, rows_made, rows_read
 
 
@@ -94,7 +94,8 @@ def _lay_out(draft: Draft) -> None:
     laws = [tape.row(law) for law in eq.laws]
     for name, row in zip(d.internal, laws, strict=True):
         tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
-    inertial = solved_block(draft, eq.inertial_force, 0, draft.mq, 2, "Rq")
+    _stretches(draft)
+    inertial = solved_block(draft, eq.shared_force, 0, draft.mq, 2, "Rq")
     for q, row in zip(d.inertial, inertial, strict=True):
         tape.name(f"a:{q}", row, 3)
     implicit_slopes(draft, implicit)
@@ -121,6 +122,16 @@ def _lay_out(draft: Draft) -> None:
         *solves[2],
         *stages[3],
     ]
+
+
+def _stretches(draft: Draft) -> None:
+    """Rows of the stretches that the forces of many coordinates have in common, and their sizes."""
+    for symbol, stretch in draft.eq.stretches.items():
+        row = draft.tape.row(stretch)
+        draft.tape.name(symbol, row, draft.tape.stage[row])
+        draft.note(draft.scratch, draft.size(stretch))
+        draft.stretch_sizes[ex.sym(symbol)] = element("mag", draft.scratch)
+        draft.scratch += 1
 
 
 def _finish(draft: Draft) -> None:

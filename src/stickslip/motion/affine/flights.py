@@ -458,7 +458,9 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
                 a[i] = form.a[g, i] * r[i]
             for m in range(len(omega)):
                 b[m] = form.b[g, m] * f.spin[m]
-            parts = SignalSum(f.c[g], a[:nb], f.z[:nb], lam[:nb], b, omega)
+            parts = SignalSum(
+                f.c[g], a[:nb], f.z[:nb], f.window[:nb], f.kept[:nb], lam[:nb], b, omega
+            )
             found, looked = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
             # Long searches return early, so that a request to stop is noticed.
             if looked < limit:
@@ -519,7 +521,7 @@ def is_below_rounding(
     Parameters
     ----------
     form, f, x, tau, omega
-        As in :func:`arrive`; nothing is changed.
+        As in :func:`arrive`; nothing but work space is changed.
     seen : array
         Its first n entries, the largest modulus of each component so far, receive those of this
         flight.
@@ -529,6 +531,8 @@ def is_below_rounding(
     lost = False
     for m in range(len(omega)):
         b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
+    for j in range(form.counts[EXPONENTS]):
+        f.window[j] = length(f.turned[j])
     for i in range(n):
         g = len(form.c2) - n + i
         value = x[i] + tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
@@ -536,7 +540,7 @@ def is_below_rounding(
         for j in range(form.counts[EXPONENTS]):
             z = form.a[g, j]
             value += z.real * f.turned[j].real - z.imag * f.turned[j].imag
-            terms += form.swing[g, j] * length(f.turned[j])
+            terms += form.swing[g, j] * f.window[j]
         for m in range(len(omega)):
             z = form.b[g, m]
             value += z.real * b[m].real - z.imag * b[m].imag

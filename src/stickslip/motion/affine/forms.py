@@ -11,6 +11,8 @@ the first zero of a guard.
 
 from __future__ import annotations
 
+import mmap
+import weakref
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,7 +54,8 @@ forces."""
 # Largest number of contacts and kinks of a system with closed forms; the number of a mode would fit
 # into 64 bits up to 39.
 MOST_SWITCHES = 30
-_LARGE = 4096  # number of components of all states above which storage is one block
+_LARGE = 2**22  # number of bytes above which storage is one block
+_MOST_UNUSED = 2  # blocks of each layout that wait
 _ALIGNED = 64  # bytes at a multiple of which arrays begin
 # Columns of ClosedForms.counts.
 EXPONENTS, GUARDS, SEARCHED = range(3)
@@ -147,17 +150,24 @@ class ClosedForms(NamedTuple):
 
 
 class _Block:
-    """Arrays of zeros from one block of memory.
+    """Arrays of zeros from one block of memory, which is used again when none of them is left.
 
     Parameters
     ----------
     size : int
         Its bytes; arrays that do not fit are allocated separately.
+    layout : tuple of int
+        What determines the arrays: first the number of groups. If there is only one, the first
+        array has one entry, which counts the rows in use of the others.
     """
 
-    def __init__(self, size: int) -> None:
-        self._memory = np.zeros(size, np.uint8)
+    def __init__(self, size: int, layout: tuple[int, ...]) -> None:
+        waiting = _UNUSED.setdefault(layout, []) if layout[0] == 1 else []
+        memory, new = (waiting.pop(), False) if waiting else (_pages(size), True)
+        self._memory = np.frombuffer(memory, np.uint8)
+        self._stale = 0 if new else int(self._memory[:8].view(np.int64)[0])
         self._used = 0
+        weakref.finalize(self._memory, _put_back, layout, memory).atexit = False
 
     def __call__(self, shape: int | tuple[int, ...], dtype: type = np.float64) -> Any:
         """An array of zeros."""
@@ -166,7 +176,37 @@ class _Block:
         if begin + size > len(self._memory):
             return np.zeros(shape, dtype)
         self._used = begin + -(-size // _ALIGNED) * _ALIGNED
-        return self._memory[begin : begin + size].view(dtype).reshape(shape)
+        found = self._memory[begin : begin + size].view(dtype).reshape(shape)
+        found[: self._stale] = 0
+        return found
+
+
+_UNUSED: dict[tuple[int, ...], list[mmap.mmap]] = {}
+"""Blocks of memory that wait to be used again, by the layout of their arrays."""
+
+
+def _pages(size: int) -> mmap.mmap:
+    """New memory, of which the system clears only the pages that are used. Pages are small, since
+    the arrays of one mode are far apart."""
+    if not hasattr(mmap, "MAP_PRIVATE"):
+        return mmap.mmap(-1, size)
+    memory = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    if hasattr(mmap, "MADV_NOHUGEPAGE"):
+        memory.madvise(mmap.MADV_NOHUGEPAGE)
+    return memory
+
+
+def _put_back(layout: tuple[int, ...], memory: mmap.mmap) -> None:
+    """Keep a block of memory for the next arrays of the same layout, unless enough wait."""
+    waiting = _UNUSED.get(layout)
+    if waiting is not None and len(waiting) < _MOST_UNUSED:
+        waiting.append(memory)
+
+
+def bytes_of_form(n: int, guards: int, contacts: int, waves: int) -> int:
+    """Memory for one closed form."""
+    ns = n + 2 + 2 * waves
+    return ns * (8 * ns + 16 * n + 40 * (guards + n) + 8 * (guards + 3 * contacts) + _ALIGNED)
 
 
 def make_closed_forms(
@@ -198,11 +238,13 @@ def make_closed_forms(
     m = groups * slots
     ns = n + 2 + 2 * waves  # components of s
     rows = guards + n
-    # Large arrays come from one block, of which the system clears only the part that is used.
-    size = m * ns * (8 * ns + 16 * n + 40 * rows + 8 * (guards + 3 * contacts) + _ALIGNED)
-    z = _Block(size) if m * n > _LARGE else np.zeros
     i = np.int64
     c = np.complex128
+    z = np.zeros
+    size = m * bytes_of_form(n, guards, contacts, waves)
+    if size > _LARGE:
+        z = _Block(size, (groups, slots, n, contacts, kinks, required, waves, planes))
+    used = z(groups, i)
     return ClosedForms(
         status=z(m, i),
         key=z(m, i),
@@ -230,7 +272,7 @@ def make_closed_forms(
         zero=z((m, contacts, ns)),
         hold=z((m, contacts, n)),
         brake=z((m, contacts, ns)),
-        used=z(groups, i),
+        used=used,
         shortest=z(m),
         flown=z(m, i),
     )
@@ -366,6 +408,8 @@ class Flight(NamedTuple):
         exp(iωₘt) at the beginning of the flight.
     a, b, z : arrays of complex
         Amplitudes of one signal, and its exponentials at the time of the search.
+    window, kept : arrays
+        As in :class:`stickslip.motion.affine.signals.SignalSum`.
     kind, lead, c, floor, guess : arrays
         For each guard: the kind of the signal, the index of its only exponential, its coefficients
         of powers of τ, the rounding error of its values, and an estimate of its zero.
@@ -393,6 +437,8 @@ class Flight(NamedTuple):
     a: ComplexVector
     b: ComplexVector
     z: ComplexVector
+    window: Vector
+    kept: ComplexVector
     kind: IntVector
     lead: IntVector
     c: Matrix
@@ -442,6 +488,8 @@ def make_flight(
         a=z(n, c),
         b=z(waves, c),
         z=z(n, c),
+        window=z(n),
+        kept=z(n, c),
         kind=z(guards, np.int64),
         lead=z(guards, np.int64),
         c=z((guards, 3)),

@@ -55,12 +55,22 @@ class Wave(NamedTuple):
 
 
 class SignalSum(NamedTuple):
-    """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ); z receives the
-    exponentials where it is searched."""
+    """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ).
+
+    Attributes
+    ----------
+    z, window : arrays
+        Work space: the exponentials where it is searched, and the intervals in which their Taylor
+        polynomials are accurate.
+    kept : array of complex
+        Work space: exponents in the present window.
+    """
 
     c: Array
     a: Array
     z: Array
+    window: Array
+    kept: Array
     lam: Array
     b: Array
     omega: Array
@@ -288,7 +298,7 @@ def advance_signal(s: SignalSum, start: float, valued: bool) -> float:
     """Put the exponentials at a time into z; returns the value of the signal there, or 0 where none
     is to be replaced by its bound."""
     for j in range(len(s.lam)):
-        s.z[j] = s.a[j] * cmath.exp(s.lam[j] * start)
+        s.z[j] = s.a[j] * cmath.exp(s.lam[j] * start) if start > 0.0 else s.a[j]
     if not valued:
         return 0.0
     c = s.c
@@ -308,18 +318,19 @@ def window_of(s: SignalSum, j: int, start: float) -> float:
     if size == 0.0 or s.a[j] == 0.0j:
         return np.inf
     spent = max(-s.lam[j].real * start, 0.0) / (_WINDOW_ORDER + 1)
-    return _WINDOW / size * math.exp(min(spent, _LONGEST))
+    return _WINDOW / size * (math.exp(min(spent, _LONGEST)) if spent > 0.0 else 1.0)
 
 
 @compiled()
-def left_out(s: SignalSum, start: float, h: float) -> float:
+def left_out(s: SignalSum, h: float) -> float:
     """Bound of the exponentials whose polynomials are not good for a window."""
     total = 0.0
     for j in range(len(s.lam)):
-        if window_of(s, j, start) < h:
+        if s.window[j] < h:
             z = s.z[j]
             size = math.sqrt(z.real * z.real + z.imag * z.imag)
-            total += size * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
+            grown = s.lam[j].real * h
+            total += size * math.exp(min(grown, _LONGEST)) if grown > 0.0 else size
     return total
 
 
@@ -343,11 +354,12 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
             most = min(most, _WINDOW / s.omega[m])
     h = most
     for j in range(len(s.lam)):
-        h = min(h, window_of(s, j, start))
+        s.window[j] = window_of(s, j, start)
+        h = min(h, s.window[j])
     bound = 0.0
     while h < most and value > 0.0:
         longer = min(_LONGER * h, most)
-        more = left_out(s, start, longer)
+        more = left_out(s, longer)
         if more > 0.5 * value:
             break
         h, bound = longer, more
@@ -355,12 +367,11 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
 
 
 @compiled(inline=True)
-def kept_term(s: SignalSum, j: int, start: float, h: float) -> tuple[complex, complex]:
-    """An exponential at a time, and its exponent in a window; zeros if there is none, or if it is
-    omitted."""
-    if j >= len(s.lam) or window_of(s, j, start) < h:
+def kept_term(s: SignalSum, j: int, count: int) -> tuple[complex, complex]:
+    """An exponential at a time, and its exponent in a window; zeros if there is none."""
+    if j >= count:
         return complex(0.0, 0.0), complex(0.0, 0.0)
-    return s.z[j], s.lam[j] * h
+    return s.z[j], s.kept[j]
 
 
 @compiled()
@@ -371,7 +382,7 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     Parameters
     ----------
     s : SignalSum
-        Advanced to the time.
+        Advanced to the time; the exponentials that are not omitted are moved to the front of z.
     work : array, shape (WINDOW_ORDER + 1,)
         Receives it.
     """
@@ -382,12 +393,18 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     work[0] = c[0] + start * (c[1] + start * c[2])
     work[1] = (c[1] + 2.0 * c[2] * start) * h
     work[2] = c[2] * h * h
+    count = 0
+    for j in range(len(s.lam)):
+        if s.window[j] >= h and s.z[j] != 0.0j:
+            s.z[count] = s.z[j]
+            s.kept[count] = s.lam[j] * h
+            count += 1
     # Four at a time, since each product waits for the one before.
-    for j in range(0, len(s.lam), 4):
-        z0, lam0 = kept_term(s, j, start, h)
-        z1, lam1 = kept_term(s, j + 1, start, h)
-        z2, lam2 = kept_term(s, j + 2, start, h)
-        z3, lam3 = kept_term(s, j + 3, start, h)
+    for j in range(0, count, 4):
+        z0, lam0 = kept_term(s, j, count)
+        z1, lam1 = kept_term(s, j + 1, count)
+        z2, lam2 = kept_term(s, j + 2, count)
+        z3, lam3 = kept_term(s, j + 3, count)
         for k in range(N + 1):
             work[k] += (z0.real + z1.real) + (z2.real + z3.real)
             part = 1.0 / (k + 1)
@@ -435,7 +452,7 @@ def first_of_many(
         value = advance_signal(s, start, several and order == 0)
         h, bound = window_from(s, start, limit, value)
         if h > longest:
-            h, bound = longest, left_out(s, start, longest)
+            h, bound = longest, left_out(s, longest)
         longest = np.inf
         expand_signal(s, start, h, work)
         if bound > 0.0:

@@ -49,6 +49,9 @@ _UNBOUNDED = 1e3  # a period or an amplitude that has grown by this factor grows
 _FINE, _BESIDE, _CROSSES = 1e-11, 1e-6, 1e-4
 # distance of a multiplier from 1 above which the equations of the return map are regular enough
 _NEAR_ONE = 0.05
+# so many of the latest orbits are kept completely, and of the earlier ones so many without their
+# largest arrays
+_LATEST, _EARLIER = 3, 40
 _NO_SLOPE = 1e-7  # slope of the parameter along the curve at a fold
 
 
@@ -127,7 +130,7 @@ class Chart:
     halves : bool
         Whether such a map is used.
     candidates, cycles : dict
-        Orbits that were computed, and cycles that were looked at, by their unknowns.
+        The latest orbits that were computed, and cycles that were looked at, by their unknowns.
     """
 
     shooting: Shooting
@@ -151,9 +154,15 @@ class Chart:
     def closed(self, x: Array) -> Closed:
         """The closed cycle of given unknowns."""
         key = x.tobytes()
-        if key not in self.candidates:
-            self.candidates[key] = Closed(self.shooting, self.shooting.orbit(x))
-        return self.candidates[key]
+        found = self.candidates.get(key)
+        if found is None:
+            found = self.candidates[key] = Closed(self.shooting, self.shooting.orbit(x))
+            for place, other in enumerate(list(self.candidates)[-_LATEST - 1 :: -1]):
+                if place >= _EARLIER:
+                    del self.candidates[other]
+                else:
+                    self.candidates[other].trim()
+        return found
 
     def scale(self, x: Array) -> Array:
         """Units of the unknowns."""

@@ -14,6 +14,7 @@ from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
 from stickslip.orbits.continuation.corrector import Lost
 from stickslip.orbits.continuation.path import in_range, ranges
+from stickslip.orbits.return_map.recurrence import modes_of_structures
 
 if TYPE_CHECKING:
     import xarray
@@ -44,7 +45,8 @@ class Spacing:
     state.
 
     Parameters are measured in their ranges, ranges of the state in the largest modulus of their
-    component up to now.
+    component up to now; those of the modes of a structure, which are components of one vector, in
+    the largest of all of them.
 
     Parameters
     ----------
@@ -66,7 +68,10 @@ class Spacing:
             (b.parameters[x] - a.parameters[x]) / (high - low)
             for x, (low, high) in self.spans.items()
         ]
-        grown = np.abs((widths[1] - widths[0]) / self.largest)
+        units = self.largest.copy()
+        for own in modes_of_structures(b.trajectory.problem):
+            units[own] = np.max(units[own])
+        grown = np.abs((widths[1] - widths[0]) / units)
         return max(float(grown.max()), abs(math.log(b.period / a.period)), *map(abs, parts))
 
     def check(self, last: Cycle, new: Cycle) -> None:

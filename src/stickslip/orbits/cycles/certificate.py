@@ -72,6 +72,7 @@ def certify_cycle(closed: Closed) -> Certificate:
         ),
         _neighbours(closed),
     ]
+    closed.trim()  # branches keep hundreds of cycles
     return replace(motion, residuals=tuple(residuals))
 
 

@@ -158,11 +158,17 @@ class Cycle(Result):
         found = dict(zip(self.system.declaration.state, ends, strict=True))
         return found | self.visible_extrema
 
+    def extrema_of(self, name: str) -> tuple[float, float]:
+        """Smallest and largest value of one of them; cheaper, unless it is a mode of a
+        structure."""
+        seen = self.visible_extrema
+        return seen[name] if name in seen else self.extrema[name]
+
     @cached_property
     def visible_extrema(self) -> dict[str, tuple[float, float]]:
         """Extrema without modes of structures, whose extrema are expensive if some are fast."""
         audit = self.trajectory.audit
-        modes = modes_of_structures(self.trajectory)
+        modes = modes_of_structures(self.trajectory.problem)
         own = np.ones(len(audit.known), dtype=bool)
         for part in modes:
             own[part] = False
@@ -593,7 +599,7 @@ def make_cycle(closed: Closed) -> Cycle:
 def _differentiable(closed: Closed) -> bool:
     """Return whether neighbouring motions have the same sequence: no events coincide accidentally,
     and no guard is touched."""
-    smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
+    smooth = all(leg.differentiable for leg in closed.orbit.legs)
     return bool(
         smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > GUARD_TOUCHED
     )

@@ -372,11 +372,11 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     drift = shift / period * 1j * period / wave * np.exp(-1j * wave * start)
     found = 2.0 / period * (every - drift)
     size = np.max(np.abs(k.state), axis=0)
-    for own in modes_of_structures(motion):
+    for own in modes_of_structures(motion.problem):
         size[own] = np.max(size[own])
     # A component that has just begun to slide moves by rounding errors of the others.
     rounding = 2.0 / period * FEW_ROUNDINGS * sizes[1]
-    for own in modes_of_structures(motion):
+    for own in modes_of_structures(motion.problem):
         if not np.max(rounding[own]) <= _SINGULAR * np.max(size[own]):
             return None
     change = np.maximum(np.abs(found[1] - found[0]) - rounding, 0.0)

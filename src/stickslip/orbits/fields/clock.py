@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
@@ -28,6 +29,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import periodic_form
 
 _STANDS = 1e-12  # phases that advance by less, relative to their terms, do not advance
+_MOST_FRAMES = 64  # largest number of frames and ratios of frequencies that are kept
 _MOST_PERIODS = 24  # largest number of periods of a drive in the longest common period
 
 
@@ -268,7 +270,7 @@ def _clock(
             )
     multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
     quarters = {e: int(4 * r * multiple) for e, r in ratios.items()}
-    parts = _parts(frame.in_moving_frame(frame.formulas, velocity), quarters)
+    parts = _parts(frame, velocity, quarters)
     return Clock(frame, first, multiple, parts, len(moving) == 1)
 
 
@@ -276,24 +278,43 @@ def _moving(frame: MovingFrame, velocity: Array, every: Mapping[str, float]) -> 
     """Frequencies of the waves in the frame, with their values; only those that affect the motion,
     if some do."""
     known = every.keys()
-    numbers = dict.fromkeys(frame.zero, ex.ZERO)
-    plain = frame.in_moving_frame(frame.equations.formulas, velocity)
     rates: dict[Expr, float] = {}
-    still = plain is frame.equations.formulas
-    for e in frame.equations.frequencies if still else _frequencies(plain):
+    listed, felt = _waves(frame, velocity)
+    for e in listed:
         if e.symbols <= known and e not in rates and -e not in rates:
             rate = ex.evaluate(e, every)
             terms = [part * weight for part, weight in _terms(e, every)]
             rates[e] = rate if abs(rate) > _STANDS * math.fsum(map(abs, terms)) else 0.0
-    try:
-        felt = set(_frequencies([ex.substitute(e, numbers) for e in plain]))
-        acts = {
-            e: rate in felt or -rate in felt for e in rates for rate in [ex.substitute(e, numbers)]
-        }
-    except (ZeroDivisionError, OverflowError):
-        acts = dict.fromkeys(rates, True)
+    acts = dict.fromkeys(rates, True)
+    if felt is not None:
+        numbers = dict.fromkeys(frame.zero, ex.ZERO)
+        with suppress(ZeroDivisionError, OverflowError):
+            acts = {
+                e: rate in felt or -rate in felt
+                for e in rates
+                for rate in [ex.substitute(e, numbers)]
+            }
     none = not any(acts.values())
     return {e: rate for e, rate in rates.items() if rate != 0.0 and (acts[e] or none)}
+
+
+def _waves(frame: MovingFrame, velocity: Array) -> tuple[list[Expr], frozenset[Expr] | None]:
+    """Frequencies of the waves in the frame, and of those that are left where some parameters are
+    zero; None if a formula is not defined there."""
+
+    def make() -> tuple[list[Expr], frozenset[Expr] | None]:
+        numbers = dict.fromkeys(frame.zero, ex.ZERO)
+        plain = frame.in_moving_frame(frame.equations.formulas, velocity)
+        still = plain is frame.equations.formulas
+        listed = frame.equations.frequencies if still else _frequencies(plain)
+        try:
+            felt = frozenset(_frequencies([ex.substitute(e, numbers) for e in plain]))
+        except (ZeroDivisionError, OverflowError):
+            felt = None
+        return listed, felt
+
+    key = frame.zero, (velocity != 0.0).tobytes()
+    return made_once(frame.equations, "waves", make, key, _MOST_FRAMES)
 
 
 def _frequencies(formulas: list[Expr]) -> list[Expr]:
@@ -321,18 +342,24 @@ def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
     return "not through a wave of constant frequency"
 
 
-def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:
+def _parts(frame: MovingFrame, velocity: Array, quarters: Mapping[Expr, int]) -> int:
     """Number of periods of a system in one period of its drives, tested by advancing the drives by
-    multiples of a quarter period.
+    multiples of a quarter period; found once for each ratio of frequencies.
 
     The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
     """
-    formulas = [periodic_form(e) for e in formulas]
-    for parts in (4, 2):
-        turns = {e: quarter // parts for e, quarter in quarters.items()}
-        if all(periodic_form(_turned(e, turns)) is e for e in formulas):
-            return parts
-    return 1
+
+    def make() -> int:
+        formulas = frame.in_moving_frame(frame.formulas, velocity)
+        formulas = [periodic_form(e) for e in formulas]
+        for parts in (4, 2):
+            turns = {e: quarter // parts for e, quarter in quarters.items()}
+            if all(periodic_form(_turned(e, turns)) is e for e in formulas):
+                return parts
+        return 1
+
+    key = frame.zero, (velocity != 0.0).tobytes(), frozenset(quarters.items())
+    return made_once(frame.equations, "parts of periods", make, key, _MOST_FRAMES)
 
 
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:

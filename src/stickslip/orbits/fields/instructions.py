@@ -32,7 +32,7 @@ from stickslip.orbits.fields.engine.interpreter import (
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
-from stickslip.symbolic.scalars import Scalar, element, scalars_of
+from stickslip.symbolic.scalars import ORIGIN, Scalar, element, scalars_of
 
 
 class Listing:
@@ -74,10 +74,11 @@ class Listing:
         self._needed: list[Provider] = []
         self._fixed: list[tuple[int, int, int, int, float]] = []
         self._others: list[tuple[int, int, int, int, float]] = []
+        self._names: dict[str, Scalar] = {name: element("v", i) for i, name in enumerate(names)}
         # Most entries of a Jacobian are the same number.
         every = dict.fromkeys(expressions)
-        values = scalars_of(every, {name: element("v", i) for i, name in enumerate(names)})
-        place = {e: self._value(values[e])[0] for e in every}
+        values = scalars_of([e for e in every if not _is_sum(e)], self._names)
+        place = {e: self._linear(e) if _is_sum(e) else self._value(values[e])[0] for e in every}
         self.wanted: Array = np.array([place[e] for e in expressions], np.int64)
         listed = [*self._fixed, *self._others]
         self.once: int = len(self._fixed)
@@ -93,6 +94,16 @@ class Listing:
         if s not in self._found:
             self._found[s] = self._value(s.args[0]) if s.op == "kept" else self._made(s)
         return self._found[s]
+
+    def _linear(self, e: Expr) -> int:
+        """Place of a sum, whose terms are mostly names: modes of structures have hundreds."""
+        plain = [term for term, _ in e.terms if term.op != "sym"]
+        values = scalars_of(plain, self._names) if plain else {}
+        parts = [
+            (*self._value(self._names[str(x.value)] if x.op == "sym" else values[x]), c)
+            for x, c in e.terms
+        ]
+        return self._added(float(e.value), parts)[0]
 
     def _number(self, value: float) -> int:
         if value not in self._numbers:
@@ -141,21 +152,27 @@ class Listing:
     def _sum(self, terms: Iterable[Scalar]) -> tuple[int, bool]:
         """A sum, term after term: a number first, then multiples."""
         constant, *others = terms
-        parts: list[tuple[int, float]] = []
-        moves = False
-        for term in others:
-            factor, x = term.args
-            place, moving = self._value(x)
-            parts.append((place, factor.value))
-            moves = moves or moving
-        if constant.value != 0.0:
-            out = self._add(moves, CONSTANT, 0, number=constant.value)
+        factors, values = zip(*(term.args for term in others), strict=True)
+        parts = [(*self._value(x), c.value) for x, c in zip(values, factors, strict=True)]
+        return self._added(constant.value, parts)
+
+    def _added(self, constant: float, parts: list[tuple[int, bool, float]]) -> tuple[int, bool]:
+        """A sum of a number and multiples of values: their places, whether they vary, and the
+        factors."""
+        moves = any(moving for _, moving, _ in parts)
+        if constant != 0.0:
+            out = self._add(moves, CONSTANT, 0, number=constant)
         else:
-            place, factor = parts.pop(0)
+            (place, _, factor), *parts = parts
             out = self._add(moves, SCALED, place, number=factor)
-        for place, factor in parts:
-            self._add(moves, SUMMED, place, number=factor, out=out)
+        listed = self._others if moves else self._fixed
+        listed += [(SUMMED, out, place, 0, factor) for place, _, factor in parts]
         return out, moves
+
+
+def _is_sum(e: Expr) -> bool:
+    """Whether an expression is a sum of terms that may be rounded one after the other."""
+    return e.op == "sum" and ORIGIN not in e.symbols
 
 
 class Evaluator:

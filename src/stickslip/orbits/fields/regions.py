@@ -57,7 +57,7 @@ def values_at(
     region = np.ones((len(equations.kinks), len(states)), int)
 
     def grouped(wanted: Callable[[Region], Sequence[Expr]]) -> Array:
-        groups = np.unique(region, axis=1).T if len(states) else []
+        groups = np.unique(region, axis=1).T if len(states) and len(region) else region.T[:1]
         parts = [
             (np.all(region == r[:, None], axis=0), evaluator(wanted(tuple(map(int, r))), names))
             for r in groups

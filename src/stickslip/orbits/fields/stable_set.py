@@ -69,21 +69,35 @@ def settle_friction(
     rate = equations.rate
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     rows = [equations.declaration.state.index(next(iter(c.direction))) for c in acting]
+    alone = [i for i, c in enumerate(acting) if not c.plane]
+    # Contacts whose forces do not depend on each other's positions move together.
+    coupled = any(rate.partial[i][j] is not ex.ZERO for i in alone for j in alone if i != j)
+    groups = [[i] for i in alone] if coupled else [alone] if alone else []
     for _ in range(_SWEEPS if acting else 0):
         moved = 0.0
-        for i, (c, row) in enumerate(zip(acting, rows, strict=True)):
-            if c.plane:
-                continue
-            wanted = [rate.force[i], c.plus, c.minus, rate.partial[i][i]]
-            force, plus, minus, slope = values_at(equations, values, states, wanted, time)
-            beyond = np.maximum(force - minus, 0.0) + np.minimum(force + plus, 0.0)
-            step = np.where(slope != 0.0, -beyond / np.where(slope != 0.0, slope, 1.0), 0.0)
-            states[:, row] += step
-            moved = max(moved, float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row])))))
+        for group in groups:
+            wanted = [
+                e
+                for i in group
+                for e in (rate.force[i], acting[i].plus, acting[i].minus, rate.partial[i][i])
+            ]
+            found = values_at(equations, values, states, wanted, time)
+            for i, (force, plus, minus, slope) in zip(
+                group, found.reshape(-1, 4, len(states)), strict=True
+            ):
+                beyond = np.maximum(force - minus, 0.0) + np.minimum(force + plus, 0.0)
+                step = np.where(slope != 0.0, -beyond / np.where(slope != 0.0, slope, 1.0), 0.0)
+                moved = max(moved, _moved(states, rows[i], step))
         for plane in _planes(equations):
             moved = max(moved, _settle_plane(equations, plane, values, states, time))
         if moved < _UNMOVED:
             return
+
+
+def _moved(states: Array, row: int, step: Array) -> float:
+    """Move a coordinate of all states; returns the displacement relative to the positions."""
+    states[:, row] += step
+    return float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row]))))
 
 
 def _planes(equations: MotionEquations) -> list[Plane]:
@@ -116,6 +130,5 @@ def _settle_plane(
     moved = 0.0
     for row, force, slope in zip(rows, rest[:2], rest[2:], strict=True):
         step = np.where(slope != 0.0, -force * beyond / np.where(slope != 0.0, slope, 1.0), 0.0)
-        states[:, row] += step
-        moved = max(moved, float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row])))))
+        moved = max(moved, _moved(states, row, step))
     return moved

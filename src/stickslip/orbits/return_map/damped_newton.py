@@ -33,6 +33,8 @@ CLOSED = 1e-9  # closure error of a cycle relative to its size
 NEARLY_SINGULAR = 1e-11  # singular value relative to the largest below which it is zero
 _STATIONS = (1, 4, 16)  # numbers of stations, tried sequentially
 _LONG = 0.1  # a stretch shorter than this fraction of the longest may vanish
+_EQUAL = 0.999  # … and those that are longer than this fraction of the longest are equally good
+_AS_GOOD = 0.5  # … nearly as good, if a station is there already
 _ACROSS = 0.1  # cosine of a nearly right angle
 _SAMPLES = 64  # samples of a period that are stored
 _GROWTH = 1e4  # largest growth of perturbations between two stations
@@ -220,16 +222,7 @@ def _shortened(shooting: Shooting, orbit: Orbit, linear: _Linear, tries: int) ->
 
 def largest_growth(orbit: Orbit) -> float:
     """Largest growth of a perturbation from one station to the next."""
-    n = len(orbit.shift)
-    # If the state is a function of time alone, as for a slipping rate-independent contact,
-    # perturbations do not grow.
-    largest = []
-    for leg in orbit.legs:
-        directions = leg.place.directions
-        change = leg.change.matrix[:n, : directions.shape[1]]
-        grown = change / np.max(np.abs(directions), axis=0)
-        largest.append(float(np.max(np.abs(grown), initial=0.0)))
-    return max(largest)
+    return max(leg.growth for leg in orbit.legs)
 
 
 def stations_for(shooting: Shooting, orbit: Orbit) -> int:
@@ -241,30 +234,36 @@ def stations_for(shooting: Shooting, orbit: Orbit) -> int:
 def best_start(shooting: Shooting, orbit: Orbit) -> float:
     """Time of the best state for a station, within one period.
 
-    It is the middle of the stretch with most constraints, and of those the longest; stretches that
-    are about to vanish do not count. On a cycle of one stretch it is where the motion is across the
-    direction to the centre, so that the section passes through the centre and the cycle may shrink
-    to it.
+    It is the middle of the longest good stretch. On a cycle of one stretch it is where the motion
+    is across the direction to the centre, so that the section passes through the centre and the
+    cycle may shrink to it.
     """
+    good = _good_stretches(shooting, orbit)
+    if not good:
+        k = orbit.motion.knots
+        return _across_the_centre(shooting, orbit, shooting.pieces(k.mode[0], k.region[0]))
+    longest = max(b - a for a, b in good)
+    middle = next(0.5 * (a + b) for a, b in good if b - a > _EQUAL * longest)
+    return middle if middle >= orbit.motion.knots.time[0] else middle + orbit.period
+
+
+def _good_stretches(shooting: Shooting, orbit: Orbit) -> list[tuple[float, float]]:
+    """Ends of the stretches with most constraints, none if there is only one stretch; those that
+    are about to vanish do not count. One may begin before the orbit."""
     k = orbit.motion.knots
     pieces = shooting.pieces
     stretches = [(float(k.time[a]), float(k.time[b]), a) for a, b in segments(orbit.motion)]
     first, last = stretches[0], stretches[-1]
     made = [pieces(k.mode[i], k.region[i]) for _, _, i in stretches]
     if all(piece is made[0] for piece in made):
-        return _across_the_centre(shooting, orbit, made[0])
+        return []
     if made[0] is made[-1]:
         stretches = [*stretches[1:-1], (last[0] - orbit.period, first[1], first[2])]
         made = [*made[1:-1], made[0]]
     lengths = [b - a for a, b, _ in stretches]
     long = [i for i, length in enumerate(lengths) if length >= _LONG * max(lengths)]
     most = max(made[i].bound for i in long)
-    longest = max(lengths[i] for i in long if made[i].bound == most)
-    a, b, _ = next(
-        stretches[i] for i in long if made[i].bound == most and lengths[i] > 0.999 * longest
-    )
-    middle = 0.5 * (a + b)
-    return middle if middle >= k.time[0] else middle + orbit.period
+    return [stretches[i][:2] for i in long if made[i].bound == most]
 
 
 def _across_the_centre(shooting: Shooting, orbit: Orbit, piece: Piece) -> float:
@@ -349,6 +348,20 @@ def _well_inside(motion: Trajectory, t: float) -> tuple[float, int]:
     return t, _step(motion, t)
 
 
+def _starts_well(shooting: Shooting, orbit: Orbit) -> bool:
+    """Whether a cycle has one station, needs no others, and begins in the first period of the
+    drives, in the middle half of a stretch that is about as good as the best one."""
+    good = _good_stretches(shooting, orbit)
+    shift, start = carried_along(shooting.setting, orbit.problem, shooting.start)
+    if len(shooting.stations) > 1 or start != shooting.start or np.any(shift):
+        return False
+    longest = max((b - a for a, b in good), default=0.0)
+    inside = [
+        abs(start - 0.5 * (a + b)) <= 0.25 * (b - a) for a, b in good if b - a >= _AS_GOOD * longest
+    ]
+    return any(inside) and stations_for(shooting, orbit) == 1
+
+
 @dataclass(frozen=True)
 class Closed:
     """A cycle: the equations it solves and the solution.
@@ -367,6 +380,11 @@ class Closed:
     def spectrum(self) -> Spectrum:
         """Multipliers of the cycle."""
         return spectrum(self.shooting, self.orbit)
+
+    def trim(self) -> None:
+        """Drop large arrays that can be computed again."""
+        for leg in self.orbit.legs:
+            leg.trim()
 
     def samples(self, count: int) -> Array:
         """States at equidistant times of the period, without the drift, shape (count, n)."""
@@ -463,7 +481,9 @@ def _with_rest_positions(shooting: Shooting, orbit: Orbit) -> Closed:
 
 
 def with_best_start(shooting: Shooting, orbit: Orbit) -> Closed:
-    """The same cycle from its best start, with as many stations as the growth of perturbations
-    requires."""
+    """The same cycle from its best start, or a good one, with as many stations as the growth of
+    perturbations requires."""
+    if _starts_well(shooting, orbit):
+        return Closed(shooting, orbit)
     new, x = restarted(shooting, orbit, stations_for(shooting, orbit))
     return Closed(new, close(new, x))

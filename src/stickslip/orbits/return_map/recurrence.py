@@ -18,6 +18,7 @@ from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import resolution
 
 if TYPE_CHECKING:
+    from stickslip.motion.problem import Problem
     from stickslip.motion.record.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
@@ -201,7 +202,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     still = _STILL * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
-    modes = modes_of_structures(motion)
+    modes = modes_of_structures(motion.problem)
     for own in modes:
         # A mode that symmetry keeps at rest moves by the rounding errors of the others.
         sizes[own] = np.maximum(sizes[own], _MODE * np.max(sizes[own]))
@@ -210,9 +211,9 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
 
 
-def modes_of_structures(motion: Trajectory) -> list[slice]:
+def modes_of_structures(problem: Problem) -> list[slice]:
     """Indices, in the state, of the modes of each structure and of their rates."""
-    rows = motion.problem.rows
+    rows = problem.rows
     firsts = (0, int(rows.sizes[INERTIAL]))
     return [
         slice(first + begin, first + begin + count)

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
+_LARGE_CHANGE = 2**20  # bytes of a variation that is computed again rather than kept
 _DIFFERENCE = 1e-5  # relative step of a central difference: about the cube root of ε
 
 
@@ -77,6 +78,28 @@ class Leg:
     def change(self) -> Variation:
         """The variation in these directions. Between switches it may be NaN."""
         return variation(self.motion, self.pieces, self.directions, between=False)
+
+    @cached_property
+    def differentiable(self) -> bool:
+        """Whether the change exists."""
+        return self.change.differentiable
+
+    @cached_property
+    def growth(self) -> float:
+        """Largest growth of a perturbation of the coordinates of its start; 0 if the state is a
+        function of time alone, as for a slipping rate-independent contact."""
+        directions = self.place.directions
+        change = self.change.matrix[: len(self.place.state), : directions.shape[1]]
+        grown = change / np.max(np.abs(directions), axis=0)
+        return float(np.max(np.abs(grown), initial=0.0))
+
+    def trim(self) -> None:
+        """Drop the change if it is large, until it is needed again."""
+        known = vars(self)
+        if "change" in known and self.change.after.nbytes > _LARGE_CHANGE:
+            _ = self.differentiable, self.growth, self.rate
+            known.pop("varied", None)
+            del known["change"]
 
     @cached_property
     def rate(self) -> Array:
