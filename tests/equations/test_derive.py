@@ -397,9 +397,7 @@ def test_springs_of_structures_have_few_terms() -> None:
         "chain",
         parameters=_parameters(F_c=0.1),
         structures={"u": body},
-        contacts={
-            f"damper {at}": ss.laws.jenkins(f"d_u[{at}]", F_c="F_c", k=0.5) for at in (3, 8)
-        },
+        contacts={f"damper {at}": ss.laws.jenkins(f"d_u[{at}]", F_c="F_c", k=0.5) for at in (3, 8)},
     )
     equations = derive(system.declaration)
     rng = np.random.default_rng(1)

@@ -30,6 +30,7 @@ from stickslip.motion.affine.forms import (
     Making,
 )
 from stickslip.motion.affine.matrices import facet_row, linearise
+from stickslip.motion.affine.signals import length
 from stickslip.motion.algebra.eigenvalues import modulus
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -365,9 +366,9 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
             total = complex(0.0, 0.0)
             terms = 0.0
             for i in range(n):
-                if w.moving[i] == 1:
+                if w.moving[i] == 1 and F[i, j] != 0.0:
                     total += w.L[b, i] * F[i, j]
-                    terms += modulus(w.L[b, i]) * abs(F[i, j])
+                    terms += length(w.L[b, i]) * abs(F[i, j])
             w.ramp[b, j] = total if modulus(total) > FEW_ROUNDINGS * terms else complex(0.0, 0.0)
         growth = w.ramp[b, n + 1]
         # At the frequencies of the drives.
@@ -396,6 +397,31 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
 
 
 @compiled()
+def put_amplitudes(G: Array, w: Making, blocks: int, a: Array) -> None:
+    """Amplitudes of a guard over the components w = L x.
+
+    Parameters
+    ----------
+    G : array
+        Coefficients of the guard over the state.
+    a : array of complex
+        Receives them; sums that cancel are 0.
+    """
+    terms = w.ones[1]
+    for b in range(blocks):
+        a[b] = complex(0.0, 0.0)
+        terms[b] = 0.0
+    for i in range(len(w.moving)):
+        g = G[i]
+        if g != 0.0:
+            for b in range(blocks):
+                a[b] += g * w.V[i, b]
+                terms[b] += abs(g) * length(w.V[i, b])
+    for b in range(blocks):
+        a[b] = a[b] if modulus(a[b]) > FEW_ROUNDINGS * terms[b] else complex(0.0, 0.0)
+
+
+@compiled()
 def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     """Store guards and components of the state as signals: those that move are Re V w."""
     n = len(w.moving)
@@ -414,18 +440,14 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
         a = T.a[slot, row]
         swing = T.swing[slot, row]
         decays = True
+        if row < guards:
+            put_amplitudes(T.G[slot, row], w, blocks, a)
         for b in range(blocks):
             if row >= first:
                 a[b] = w.V[row - first, b]
             else:
-                total = complex(0.0, 0.0)
-                terms = 0.0
-                for i in range(n):
-                    total += T.G[slot, row, i] * w.V[i, b]
-                    terms += abs(T.G[slot, row, i]) * modulus(w.V[i, b])
-                a[b] = total if modulus(total) > FEW_ROUNDINGS * terms else complex(0.0, 0.0)
+                T.angle[slot, row, b] = math.atan2(a[b].imag, a[b].real)
             swing[b] = modulus(a[b])
-            T.angle[slot, row, b] = math.atan2(a[b].imag, a[b].real)
             decays = decays and (a[b] == 0.0j or T.exponent[slot, b].real <= 0.0)
         bend = 0.0
         terms = 0.0

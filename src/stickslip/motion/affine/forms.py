@@ -98,7 +98,7 @@ class ClosedForms(NamedTuple):
     swing : array
         Moduli of a, then of b.
     angle : array
-        arg a.
+        arg a, of guards.
     drifts, decays : arrays of int
         1 if c₁ or c₂ may differ from zero; 1 if no exponential of a guard grows.
     held : array of int

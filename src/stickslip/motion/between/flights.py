@@ -66,6 +66,8 @@ def states_in_flights(
         Where there is one; not at the knots themselves.
     """
     done = np.zeros(len(clock), bool)
+    if not np.any(clock > knots.clock[index]):
+        return done
     T = known_forms(problem, knots)
     used = int(T.used[0]) if len(T.status) else 0
     if not np.any(T.flown[:used]):

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.kept import cached_property
+from stickslip.kept import cached_property, made_once
+from stickslip.model.entries.declared import Kind
 from stickslip.motion.record.knots import Knots
 from stickslip.stopping.scopes import unbroken
+from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     from stickslip.motion.affine.forms import ClosedForms
@@ -78,7 +80,12 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
     from stickslip.motion.audit.step_balance import judge
 
     (steps, tally, sums), whole, lost = follow_again(problem, knots, seen)
-    known = extremes_known(problem.rows) if whole else np.ones(knots.state.shape[1], dtype=bool)
+    known = np.ones(knots.state.shape[1], dtype=bool)
+    if whole:
+        rising = _moved_by_slip(problem)
+        known = extremes_known(problem.rows) | rising
+        sums.low[rising] = np.min(knots.state[:, rising], axis=0)
+        sums.high[rising] = np.max(knots.state[:, rising], axis=0)
     exact = None if np.all(known) and not lost else partial(sums_of, problem, knots, seen)
     work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
     balance = energy - energy[0] + work[:, 0] - work[:, 1]
@@ -231,6 +238,23 @@ def _work_in_flights(
     total = np.cumsum(accounts.steps.work, axis=0)
     begun = (total - accounts.steps.work)[first]
     return total - begun[np.cumsum(first) - 1]
+
+
+def _moved_by_slip(problem: Problem) -> Array:
+    """Components of the state that only slip on a surface at rest moves: their extremes are at
+    knots, since a contact does not reverse its slip between two."""
+
+    def make() -> Array:
+        equations = problem.compiled.equations
+        d = equations.declaration
+        found = np.zeros(len(d.state), dtype=bool)
+        for c in equations.contacts:
+            alone = c.kind == Kind.RATE_INDEPENDENT and len(c.direction) == 1 and not c.plane
+            if alone and c.speed is ex.ZERO:
+                found[d.state.index(next(iter(c.direction)))] = True
+        return found
+
+    return made_once(problem.compiled, "moved by slip", make)
 
 
 def _kinetic(problem: Problem, knots: Knots) -> Array:

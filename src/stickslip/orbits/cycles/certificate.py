@@ -91,9 +91,10 @@ def _remembered(closed: Closed) -> float:
     for leg in closed.orbit.legs:
         k = leg.motion.knots
         n = len(sizes)
-        # Events that coincide are passed as one.
+        # Events that coincide are passed as one. Within a piece changes may be unknown.
         lasting = np.append(np.diff(k.time), np.inf) > TOGETHER * (k.time[-1] - k.time[0])
-        changes = leg.varied.after[:, :n, : leg.place.directions.shape[1]]
+        changes = leg.change.after[:, :n, : leg.place.directions.shape[1]]
+        lasting &= np.isfinite(leg.change.after[:, 0]).all(axis=1)
         grown = np.max(np.abs(changes) / sizes[:, None], axis=(1, 2), initial=0.0)
         most = np.maximum.accumulate(np.where(lasting, np.maximum(grown, 1.0), 1.0))
         pieces = leg.change.pieces

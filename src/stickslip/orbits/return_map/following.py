@@ -51,7 +51,9 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
 def flies(motion: Trajectory) -> bool:
     """Return whether closed forms are worthwhile even if each motion needs separate ones for its
     parameters: if flights are very long compared with their fastest time scale."""
-    forms = motion.problem.closed_forms
+    from stickslip.motion.between.flights import known_forms
+
+    forms = known_forms(motion.problem, motion.knots)
     shortest = forms.shortest[forms.flown == 1]
     k = motion.knots
     if not np.any(shortest > 0.0) or len(k.time) < 2:

@@ -49,14 +49,15 @@ def power_of_pairs(
                 z = form.a[first + r, q] * a.r[q]
                 for j in range(s.exponents):
                     paired[j] += z * a.pairs[k, q, j]
+        both = a.paired[0, r]
+        for j in range(s.exponents):
+            both[j] = (both[j] + a.paired[1, r, j].conjugate()) * a.r[j]
         for q in range(r + 1):
-            total, others = 0.0, 0.0
+            own = form.a[first + q]
+            total = 0.0
             for j in range(s.exponents):
-                z = form.a[first + q, j] * a.r[j]
-                one, other = a.paired[0, r, j], a.paired[1, r, j]
-                total += one.real * z.real - one.imag * z.imag
-                others += other.real * z.real + other.imag * z.imag
-            a.gram[r, q] = a.gram[q, r] = 0.5 * (total + others)
+                total += both[j].real * own[j].real - both[j].imag * own[j].imag
+            a.gram[r, q] = a.gram[q, r] = 0.5 * total
     for r in range(n):
         a.gram[n, r] = a.gram[r, r]
     spent, fed = 0.0, 0.0
@@ -89,10 +90,12 @@ def power_of_pairs(
 def put_pairs(a: FlightAudit, form: ClosedForms, s: Stretch) -> None:
     """Put the integrals of products of exponentials over the flight into the work space."""
     for q in range(s.exponents):
-        for j in range(s.exponents):
+        for j in range(q + 1):
             lam, mu = form.exponent[q], form.exponent[j]
-            a.pairs[0, q, j] = grown_by(lam + mu, s.h)
-            a.pairs[1, q, j] = grown_by(lam + mu.conjugate(), s.h)
+            a.pairs[0, q, j] = a.pairs[0, j, q] = grown_by(lam + mu, s.h)
+            pair = grown_by(lam + mu.conjugate(), s.h)
+            a.pairs[1, q, j] = pair
+            a.pairs[1, j, q] = pair.conjugate()
 
 
 @compiled()
