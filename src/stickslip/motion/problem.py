@@ -74,6 +74,7 @@ _MOST_ADMISSIBLE = 64  # largest number of admissible parameter sets of a system
 _MOST_CONSTANTS = 4  # largest number of sets of matrices of a system
 _MOST_ROWS = 64  # largest number of sets of rows of a system; required rows depend on parameters
 _CURVE_SLOTS = 8  # the same along a curve, where no two problems share them; most need fewer
+_FEW_SWITCHES = 2  # number of contacts and kinks up to which these are enough for large systems
 # closed forms of the latest problems of a system are kept, about so many bytes, but for so many
 # problems at least
 _FORMS_BYTES, _FEWEST_FORMS = 2**27, 3
@@ -221,7 +222,8 @@ class Problem:
         n, contacts, waves = layout.sizes["n"], len(layout.u), layout.frequencies
         guards = layout.sizes["kinks"] + 2 * contacts
         most = _FORMS_BYTES // bytes_of_form(n, guards, contacts, waves)
-        slots = MOTION_SLOTS if self.boxes is None or n >= FEWEST_KEPT else _CURVE_SLOTS
+        few = n < FEWEST_KEPT or contacts + layout.sizes["kinks"] <= _FEW_SWITCHES
+        slots = _CURVE_SLOTS if self.boxes is not None and few else MOTION_SLOTS
         found = self.empty_forms(1, slots)
         held = made_once(self.compiled, "problems with closed forms", deque[Any])
         held.append(weakref.ref(self))

@@ -69,7 +69,9 @@ class Eliminated:
         """Solutions for right-hand sides, shape (n,) or (n, k)."""
         from scipy.linalg import get_blas_funcs
 
-        (dtrsm,) = cast("tuple[Any, ...]", get_blas_funcs(("trsm",), dtype=np.float64))
+        # All from one library: the idle threads of another one would take the time of its own.
+        names = "trsm", "gemm"
+        dtrsm, dgemm = cast("tuple[Any, ...]", get_blas_funcs(names, dtype=np.float64))
         if not self.factors:
             return np.full_like(b, np.nan)
         x = b[self.order].reshape(len(b), -1)
@@ -77,13 +79,13 @@ class Eliminated:
             part = slice(front.first, front.last)
             x[part] = dtrsm(1.0, own, x[part].T, side=1, lower=1, trans_a=1).T
             if len(front.border):
-                x[front.border] -= border @ x[part]
+                x[front.border] -= dgemm(1.0, x[part].T, border, trans_b=1).T
         for front, own, border in reversed(self.factors):
             part = slice(front.first, front.last)
-            y = x[part]
+            y = x[part].T
             if len(front.border):
-                y = y - border.T @ x[front.border]
-            x[part] = dtrsm(1.0, own, y.T, side=1, lower=1).T
+                y = dgemm(-1.0, x[front.border].T, border, beta=1.0, c=y)
+            x[part] = dtrsm(1.0, own, y, side=1, lower=1).T
         found = np.empty_like(x)
         found[self.order] = x
         return found.reshape(b.shape)

@@ -54,7 +54,7 @@ forces."""
 # Largest number of contacts and kinks of a system with closed forms; the number of a mode would fit
 # into 64 bits up to 39.
 MOST_SWITCHES = 30
-_LARGE = 2**22  # number of bytes above which storage is one block
+_LARGE = 2**24  # number of bytes above which storage is one block
 _MOST_UNUSED = 2  # blocks of each layout that wait
 _ALIGNED = 64  # bytes at a multiple of which arrays begin
 # Columns of ClosedForms.counts.
