@@ -9,8 +9,10 @@ import pytest
 
 from oracles.fields import function
 from stickslip import catalogue, simulate
+from stickslip.equations.codegen.program import OPERATION
 from stickslip.equations.derive import derive
 from stickslip.equations.mode_fields import mode_field
+from stickslip.orbits.fields.engine.interpreter import CALL, TIMES
 from stickslip.orbits.fields.instructions import Evaluator, Listing, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Scope
@@ -127,3 +129,13 @@ def test_fields_of_the_catalogue(name: str) -> None:
     assert found == pytest.approx(expected, rel=1e-13, nan_ok=True)
     one = PointFunction(field, expressions)(0.3, y[:, 4], p)
     assert one == pytest.approx(expected[:, 4], rel=1e-13, nan_ok=True)
+
+
+def test_sums_share_their_terms() -> None:
+    """A load at many modes is evaluated once."""
+    names = ("t", *(f"x{i}" for i in range(12)))
+    wave = ex.call("cos", 3.0 * ex.sym("t")) * ex.sym("x0")
+    rates = [float(i) * wave + ex.sym(f"x{i}") - 2.0 * ex.sym(f"x{i - 1}") for i in range(2, 12)]
+    operations = Listing(rates, names, len(names)).code[:, OPERATION].tolist()
+    assert operations.count(CALL) == 1
+    assert operations.count(TIMES) == 1

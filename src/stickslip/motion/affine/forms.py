@@ -163,9 +163,12 @@ class _Block:
 
     def __init__(self, size: int, layout: tuple[int, ...]) -> None:
         waiting = _UNUSED.setdefault(layout, []) if layout[0] == 1 else []
-        memory, new = (waiting.pop(), False) if waiting else (_pages(size), True)
+        try:  # another thread may take the last one
+            memory, used = waiting.pop(), True
+        except IndexError:
+            memory, used = _pages(size), False
         self._memory = np.frombuffer(memory, np.uint8)
-        self._stale = 0 if new else int(self._memory[:8].view(np.int64)[0])
+        self._stale = int(self._memory[:8].view(np.int64)[0]) if used else 0
         self._used = 0
         weakref.finalize(self._memory, _put_back, layout, memory).atexit = False
 

@@ -77,8 +77,11 @@ class Listing:
         self._names: dict[str, Scalar] = {name: element("v", i) for i, name in enumerate(names)}
         # Most entries of a Jacobian are the same number.
         every = dict.fromkeys(expressions)
-        values = scalars_of([e for e in every if not _is_sum(e)], self._names)
-        place = {e: self._linear(e) if _is_sum(e) else self._value(values[e])[0] for e in every}
+        sums = [e for e in every if _is_sum(e)]
+        parts = [term for e in sums for term, _ in e.terms if term.op != "sym"]
+        others = [e for e in every if not _is_sum(e)]
+        self._lowered: dict[Expr, Scalar] = scalars_of([*others, *parts], self._names)
+        place = {e: self._place(e) for e in every}
         self.wanted: Array = np.array([place[e] for e in expressions], np.int64)
         listed = [*self._fixed, *self._others]
         self.once: int = len(self._fixed)
@@ -95,15 +98,16 @@ class Listing:
             self._found[s] = self._value(s.args[0]) if s.op == "kept" else self._made(s)
         return self._found[s]
 
-    def _linear(self, e: Expr) -> int:
-        """Place of a sum, whose terms are mostly names: modes of structures have hundreds."""
-        plain = [term for term, _ in e.terms if term.op != "sym"]
-        values = scalars_of(plain, self._names) if plain else {}
-        parts = [
-            (*self._value(self._names[str(x.value)] if x.op == "sym" else values[x]), c)
+    def _place(self, e: Expr) -> int:
+        """Place of an expression. The terms of sums are mostly names, of which modes of structures
+        have hundreds."""
+        if not _is_sum(e):
+            return self._value(self._lowered[e])[0]
+        lowered = [
+            (self._names[str(x.value)] if x.op == "sym" else self._lowered[x], c)
             for x, c in e.terms
         ]
-        return self._added(float(e.value), parts)[0]
+        return self._added(float(e.value), [(*self._value(x), c) for x, c in lowered])[0]
 
     def _number(self, value: float) -> int:
         if value not in self._numbers:
