@@ -157,11 +157,11 @@ class Chart:
         found = self.candidates.get(key)
         if found is None:
             found = self.candidates[key] = Closed(self.shooting, self.shooting.orbit(x))
-            for place, other in enumerate(list(self.candidates)[-_LATEST - 1 :: -1]):
-                if place >= _EARLIER:
-                    del self.candidates[other]
-                else:
-                    self.candidates[other].trim()
+            keys = list(self.candidates)
+            for other in keys[-_LATEST - 1 : -_LATEST]:
+                self.candidates[other].trim()
+            for other in keys[: -_LATEST - _EARLIER]:
+                del self.candidates[other]
         return found
 
     def scale(self, x: Array) -> Array:
