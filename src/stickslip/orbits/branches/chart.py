@@ -131,6 +131,8 @@ class Chart:
         Whether such a map is used.
     candidates, cycles : dict
         The latest orbits that were computed, and cycles that were looked at, by their unknowns.
+    latest : array or None
+        As in :class:`stickslip.orbits.continuation.corrector.CostlyJacobian`.
     """
 
     shooting: Shooting
@@ -139,13 +141,19 @@ class Chart:
     halves: bool = False
     candidates: dict[bytes, Closed] = field(default_factory=dict)
     cycles: dict[bytes, Cycle] = field(default_factory=dict)
+    latest: Array | None = field(default=None, repr=False)
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """The equations."""
         if self.half is not None:
             return self.half.equations(self.shooting, x)
         orbit = self.orbit(x)
+        self.latest = orbit.J
         return orbit.F, orbit.J
+
+    def residual(self, x: Array) -> Array:
+        """Their residual."""
+        return self(x)[0] if self.half is not None else self.orbit(x).F
 
     def orbit(self, x: Array) -> Orbit:
         """The orbit of given unknowns."""
