@@ -108,7 +108,7 @@ def reproduction(case: Repeating) -> str:
     start = {name: float(value) for name, value in case.initial.items()}
     return (
         f"system = {declaration(case.system)}\n"
-        f"print(ss.find_cycle(system, {start}, {numbers}).describe())"
+        f"print(ss.find_cycle(system, {start}, parameters={numbers}).summary())"
     )
 
 

@@ -449,3 +449,20 @@ def test_a_cycle_that_is_followed_keeps_its_station() -> None:
         )
         assert cycle.closed.shooting.start / cycle.period == pytest.approx(place, abs=0.05)
         check(cycle)
+
+
+def test_the_station_is_in_the_mode_of_the_cycle() -> None:
+    """The motion from which the cycle is found sticks where the cycle slips."""
+    legs = {name: Contact(f"d_{name}", threshold=(0.0923, 0.2861)) for name in ("x", "y")}
+    system = System(
+        "crawler",
+        parameters={"omega": Parameter(1.17)},
+        coordinates={"x": RateIndependent(), "y": RateIndependent()},
+        potential="0.96*(y - x - 1.49*sin(omega*t))**2",
+        contacts=legs,
+    )
+    cycle = find_cycle(system)
+    assert cycle.certificate.ok, cycle.certificate.verdict
+    knots = cycle.trajectory.knots
+    piece = cycle.closed.shooting.stations[0].piece
+    assert piece.field.mode == tuple(knots.mode[0].tolist())
