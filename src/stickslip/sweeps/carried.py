@@ -106,7 +106,7 @@ def carried(
                 continue
         place = cycle.closed.orbit.legs[0].place.state
         rate = cycle.closed.orbit.shift / cycle.period
-        handed = carried_state(system, own, cycle.time, place, rate)
+        handed = carried_state(system, own, cycle.closed.shooting.start, place, rate)
         yield cycle, followed
 
 

@@ -156,7 +156,7 @@ def test_minimal_period_from_any_start() -> None:
     drive."""
     cycle = find_cycle(jenkins(), parameters={"omega": 0.72})
     three = several_rounds(cycle, 3)
-    again = from_cycle(three, three.shooting.start, {"omega": 0.721})
+    again = from_cycle(three, {"omega": 0.721})
     assert again.orbit.period == pytest.approx(2 * math.pi / 0.721, rel=1e-14)
 
 

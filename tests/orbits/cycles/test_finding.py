@@ -4,6 +4,7 @@ honest failures."""
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from typing import Any
 
@@ -23,6 +24,7 @@ from stickslip import (
     simulate,
 )
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles import finding
 from stickslip.orbits.cycles.cycle import Cycle
@@ -466,3 +468,15 @@ def test_the_station_is_in_the_mode_of_the_cycle() -> None:
     knots = cycle.trajectory.knots
     piece = cycle.closed.shooting.stations[0].piece
     assert piece.field.mode == tuple(knots.mode[0].tolist())
+
+
+def test_a_stored_cycle_is_followed() -> None:
+    """Its motion is computed again, and may begin elsewhere."""
+    system = catalogue.jenkins_oscillator()
+    branch = continue_cycle(find_cycle(system, parameters={"omega": 1.2}), "omega", (1.2, 1.32))
+    for cycle in branch.cycles[::3]:
+        step = {"omega": 1.0001 * cycle.parameters["omega"]}
+        there = find_cycle(system, cycle, parameters=step)
+        again = find_cycle(system, pickle.loads(pickle.dumps(cycle)), parameters=step)
+        assert again.extrema["x"] == pytest.approx(there.extrema["x"], rel=1e-9)
+        assert again.certificate.ok

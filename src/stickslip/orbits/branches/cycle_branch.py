@@ -462,7 +462,7 @@ class _Follower:
         near, known = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
 
         def at(closed: Closed, value: float) -> Closed:
-            return from_cycle(closed, closed.shooting.start, {self.parameter: value})
+            return from_cycle(closed, {self.parameter: value})
 
         found = doubling_near(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes a cycle of half its period"

@@ -95,7 +95,7 @@ def _found(
                 f"the start is a cycle of {start.system.name}, not of {system.name}",
                 "Use the same system",
             )
-        return make_cycle(from_cycle(start.closed, start.time, parameters))
+        return make_cycle(from_cycle(start.closed, parameters))
     if isinstance(start, Trajectory):
         if start.system != system:
             raise DeclarationError(

@@ -70,9 +70,10 @@ _TURNS = 100.0  # periods of a drive that are simulated first, if no time span i
 _DIES_OUT = 1e-2  # a motion whose extent has decreased to this fraction decays
 
 
-def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | None) -> Closed:
+def from_cycle(start: Closed, parameters: Mapping[str, float] | None) -> Closed:
     """A cycle continued to other parameters."""
     old = start.orbit
+    time = start.shooting.start
     problem = pose(old.problem.system, {**old.problem.parameters, **(parameters or {})})
     pieces = start.shooting.pieces.with_free()
     setting = start.shooting.setting

@@ -240,7 +240,7 @@ class Pieces:
     Attributes
     ----------
     lock : Lock
-        Held while the work space and the stored eigenvalues are used.
+        Held while the work space and the stored eigenvalues are used, and pieces are added.
     """
 
     def __init__(self, equations: MotionEquations, *free: str) -> None:
@@ -268,15 +268,17 @@ class Pieces:
     def number(self, mode: Array, region: Array) -> int:
         """Number of a piece among those that were requested."""
         key = mode.tobytes() + region.tobytes()
+
+        def make() -> Piece:
+            modes, regions = tuple(map(int, mode)), tuple(map(int, region))
+            return Piece(mode_field(self.equations, modes, regions), self.free)
+
         if key not in self._numbers:
-
-            def make() -> Piece:
-                modes, regions = tuple(map(int, mode)), tuple(map(int, region))
-                return Piece(mode_field(self.equations, modes, regions), self.free)
-
-            piece = made_once(self.equations, "piece", make, (key, self.free), _MOST_PIECES)
-            self._numbers[key] = len(self.made)
-            self.made.append(piece)
+            with self.lock:  # another thread may list the pieces, or request the same one
+                if key not in self._numbers:
+                    piece = made_once(self.equations, "piece", make, (key, self.free), _MOST_PIECES)
+                    self.made.append(piece)
+                    self._numbers[key] = len(self.made) - 1
         return self._numbers[key]
 
     def numbers(self, modes: Array, regions: Array) -> Array:
@@ -290,10 +292,11 @@ class Pieces:
     @property
     def listed(self) -> Listed:
         """The requested pieces, as instructions."""
-        if self._listed is None or len(self._listed.steady) < len(self.made):
-            self._listed = listed_pieces(self.made)
-            self._spaces = {}
-        return self._listed
+        with self.lock:
+            if self._listed is None or len(self._listed.steady) < len(self.made):
+                self._listed = listed_pieces(self.made)
+                self._spaces = {}
+            return self._listed
 
     def space(self, rows: Rows, shape: tuple[int, int], nodes: int) -> PassSpace:
         """Work space, reused for successive passes.

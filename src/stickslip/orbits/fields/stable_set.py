@@ -70,17 +70,15 @@ def settle_friction(
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
     rows = [equations.declaration.state.index(next(iter(c.direction))) for c in acting]
     alone = [i for i, c in enumerate(acting) if not c.plane]
-    # Contacts whose forces do not depend on each other's positions move together.
-    coupled = any(rate.partial[i][j] is not ex.ZERO for i in alone for j in alone if i != j)
+    # Contacts whose forces and thresholds do not depend on each other's positions move together.
+    asked = {i: (rate.force[i], acting[i].plus, acting[i].minus, rate.partial[i][i]) for i in alone}
+    names = {i: next(iter(acting[i].direction)) for i in alone}
+    coupled = any(names[j] in e.symbols for i in alone for e in asked[i] for j in alone if j != i)
     groups = [[i] for i in alone] if coupled else [alone] if alone else []
     for _ in range(_SWEEPS if acting else 0):
         moved = 0.0
         for group in groups:
-            wanted = [
-                e
-                for i in group
-                for e in (rate.force[i], acting[i].plus, acting[i].minus, rate.partial[i][i])
-            ]
+            wanted = [e for i in group for e in asked[i]]
             found = values_at(equations, values, states, wanted, time)
             for i, (force, plus, minus, slope) in zip(
                 group, found.reshape(-1, 4, len(states)), strict=True

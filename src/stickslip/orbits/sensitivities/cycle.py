@@ -198,7 +198,7 @@ def _multipliers(closed: Closed, name: str) -> Array:
     h = _DIFFERENCE * (abs(value) or 1.0)
 
     def at(change: float) -> Array:
-        moved = from_cycle(closed, closed.shooting.start, {name: value + change}).spectrum.every
+        moved = from_cycle(closed, {name: value + change}).spectrum.every
         _, order = linear_sum_assignment(np.abs(now[:, None] - moved))
         return moved[order]
 
