@@ -96,7 +96,9 @@ def frequency_response(
     points : int
         Number of points of a sweep over the range.
     steps : StepControl, optional
-        Step control along the lines.
+        Step control along the lines. Steps resolve changes of the whole state: a narrow resonance
+        of a mode that remains far smaller than others may be passed. ``StepControl(largest=2e-3)``
+        looks more closely.
     time_limit : float, optional
         Wall-clock limit in seconds; the response found so far is returned.
 

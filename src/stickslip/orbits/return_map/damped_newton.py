@@ -349,15 +349,18 @@ def _well_inside(motion: Trajectory, t: float) -> tuple[float, int]:
 
 
 def _starts_well(shooting: Shooting, orbit: Orbit) -> bool:
-    """Whether a cycle has one station, in its own mode, needs no others, and begins in the first
-    period of the drives, in the middle half of a stretch that is about as good as the best one."""
+    """Whether a cycle has one station, with its own mode and directions, needs no others, and
+    begins in the first period of the drives, in the middle half of a stretch that is about as good
+    as the best one."""
     good = _good_stretches(shooting, orbit)
     shift, start = carried_along(shooting.setting, orbit.problem, shooting.start)
     if len(shooting.stations) > 1 or start != shooting.start or np.any(shift):
         return False
     k = orbit.motion.knots
-    # The motion that the cycle was found from may have had another mode there.
-    if shooting.pieces(k.mode[0], k.region[0]) is not shooting.stations[0].piece:
+    piece = shooting.stations[0].piece
+    # The motion that the cycle was found from may have had another mode there, and where
+    # constraints are curved, other directions.
+    if shooting.pieces(k.mode[0], k.region[0]) is not piece or not piece.straight:
         return False
     longest = max((b - a for a, b in good), default=0.0)
     inside = [
