@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import time
+import weakref
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -350,6 +351,23 @@ def test_time_runs_out_after_a_finalizer() -> None:
         del slow
         while True:
             pass
+
+
+def test_time_runs_out_beside_weak_references(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is raised while a weak dictionary removes what is gone."""
+    ignored: list[object] = []
+    monkeypatch.setattr("sys.unraisablehook", ignored.append)
+
+    class Key:
+        pass
+
+    for _ in range(20):
+        known = weakref.WeakKeyDictionary[Key, int]()
+        with pytest.raises(OutOfTime), at_most(0.02):
+            while True:
+                for _ in range(50):
+                    known[Key()] = 1
+    assert not ignored
 
 
 def test_time_runs_out_after_the_hook_of_what_is_ignored(monkeypatch: pytest.MonkeyPatch) -> None:

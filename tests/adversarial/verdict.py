@@ -49,13 +49,14 @@ class OutOfTime(Exception):
 
 
 def _ignores(frame: FrameType | None) -> bool:
-    """Whether a callback of the garbage collector is under way, or the hook that is told what was
-    raised there: both ignore what is raised."""
+    """Whether a callback of the garbage collector or of a weak reference is under way, or the hook
+    that is told what was raised there: all of them ignore what is raised."""
     hook = sys.unraisablehook
     callbacks = [*gc.callbacks, hook.func if isinstance(hook, partial) else hook]
     codes = {getattr(callback, "__code__", None) for callback in callbacks}
     while frame is not None:
-        if frame.f_code in codes:
+        removes = frame.f_globals.get("__name__") == "weakref" and frame.f_code.co_name == "remove"
+        if removes or frame.f_code in codes:
             return True
         frame = frame.f_back
     return False
