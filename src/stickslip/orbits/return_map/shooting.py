@@ -99,7 +99,7 @@ class Leg:
         if "change" in known and self.change.after.nbytes > _LARGE_CHANGE:
             _ = self.differentiable, self.growth, self.rate
             known.pop("varied", None)
-            del known["change"]
+            known.pop("change", None)  # another thread may have dropped it
 
     @cached_property
     def rate(self) -> Array:
